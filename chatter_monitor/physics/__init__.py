@@ -1,0 +1,1 @@
+"""Machining systems as composable physics: terms, models, simulation, stability."""

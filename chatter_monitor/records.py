@@ -1,0 +1,192 @@
+"""The nouns that the parts hand to each other: blocks of samples, ODPs, verdicts, events, health.
+
+Those with arrays inside are dataclasses and stay within the process. The rest are the JSON messages of the
+public contract (``--jsonl`` and ZeroMQ bodies are the same objects): the field order is the order in the message,
+``type`` first.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+from typing import Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+State = Literal["idle", "stable", "forced", "approaching", "self_excited", "unknown"]
+
+
+class Flag(enum.IntFlag):
+    """What is wrong with a stretch of samples. Any of them but CLIPPED makes the verdict ``unknown``."""
+
+    NONE = 0
+    GAP = 1
+    OVERFLOW = 2
+    CLIPPED = 4
+    NON_FINITE = 8
+    DEAD_CHANNEL = 16
+
+    def names(self) -> list[str]:
+        """Lower-case names of the flags that are set, in a fixed order."""
+        return [member.name.lower() for member in type(self) if member and member in self and member.name]
+
+
+class ModeStatus(enum.IntEnum):
+    """What a mode's values at one sample stand for."""
+
+    OSCILLATORY = 0
+    REAL_PAIR = 1  # two real poles: no frequency, its fields are NaN
+    HELD = 2  # adaptation frozen (silence, missing samples): values are those of the last adapted sample
+    STARTING = 3  # too few samples since the start or a gap: values are NaN
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """Consecutive samples of all channels of a source.
+
+    Attributes
+    ----------
+    first_sample : int
+        Index of ``samples[0]`` on the source's clock (counts at `sample_rate_hz` from the start, lost ones included).
+    samples : ndarray of float64, shape (n, channels)
+        Full scale is ±1 for sound; physical units where the source knows them.
+    sample_rate_hz : float
+        Rate of `first_sample` and `samples`.
+    lost : int
+        Samples lost between the previous block and this one.
+    flags : tuple of Flag, one per channel
+        What is wrong with these samples; empty for nothing.
+    """
+
+    first_sample: int
+    samples: NDArray[np.float64]
+    sample_rate_hz: float
+    lost: int = 0
+    flags: tuple[Flag, ...] = ()
+
+    def channel_flags(self, channel: int) -> Flag:
+        """Flags of one channel, a gap before the block included."""
+        flags = self.flags[channel] if self.flags else Flag.NONE
+        return flags | Flag.GAP if self.lost else flags
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OdpFrame:
+    """Operational dynamic parameters of one channel at every sample of one verdict interval.
+
+    Attributes
+    ----------
+    channel, first_sample : int
+        Which channel, and the index of the first row.
+    sample_rate_hz : float
+        Rate of the tracker.
+    frequency_hz, damping_ratio, frequency_sd_hz, damping_sd : ndarray of float32, shape (n, modes)
+        Undamped natural frequency and damping ratio of each mode slot with their standard deviations; NaN where
+        `status` says that there is none.
+    status : ndarray of uint8, shape (n, modes)
+        A `ModeStatus` each.
+    share : ndarray of float64, shape (modes,)
+        Share of the signal's power that each mode carries, at the end of the frame; sums to at most 1.
+    rms : float
+        Root mean square of the samples in the frame, in the source's units.
+    lost : int
+        Samples of the source lost in this frame or just before it.
+    flags : Flag
+        What is wrong with the frame's samples.
+    """
+
+    channel: int
+    first_sample: int
+    sample_rate_hz: float
+    frequency_hz: NDArray[np.float32]
+    damping_ratio: NDArray[np.float32]
+    frequency_sd_hz: NDArray[np.float32]
+    damping_sd: NDArray[np.float32]
+    status: NDArray[np.uint8]
+    share: NDArray[np.float64]
+    rms: float
+    lost: int = 0
+    flags: Flag = field(default=Flag.NONE)
+
+    def __len__(self) -> int:
+        return int(self.frequency_hz.shape[0])
+
+
+class Message(msgspec.Struct, frozen=True, kw_only=True, tag_field="type"):
+    """Base of the messages of the public contract."""
+
+
+class Mode(msgspec.Struct, frozen=True):
+    """One mode in an ODP message; frequency and damping are null while the mode has no frequency."""
+
+    frequency_hz: float | None
+    damping_ratio: float | None
+    damping_ratio_ci95: tuple[float, float] | None
+    share: float
+
+
+class Odp(Message, frozen=True, tag="odp"):
+    """Operational dynamic parameters at one instant (20 per second; every sample goes to Parquet and binary)."""
+
+    channel: int
+    t: float
+    modes: list[Mode]
+
+
+class Verdict(Message, frozen=True, tag="verdict"):
+    """What the machine does between two samples. The intervals of a channel are contiguous."""
+
+    channel: int
+    t0: float
+    t1: float
+    sample0: int
+    sample1: int
+    state: State
+    frequency_hz: float | None = None
+    damping_ratio: float | None = None
+    damping_ratio_ci95: tuple[float, float] | None = None
+    order: float | None = None
+    confidence: float = 0.0
+    margin_percent: float | None = None
+    reasons: list[str] = []
+    flags: list[str] = []
+
+
+class Advice(msgspec.Struct, frozen=True):
+    """A spindle speed that puts a tooth passing harmonic on the chatter frequency."""
+
+    spindle_rpm: float
+    lobe: int
+
+
+class Event(Message, frozen=True, tag="event"):
+    """Something that happened and ended, such as a stretch of chatter."""
+
+    id: str
+    channel: int
+    kind: Literal["chatter"]
+    onset_s: float
+    end_s: float
+    peak_frequency_hz: float
+    min_damping_ratio: float
+    advice: list[Advice] = []
+    recording: str | None = None
+
+
+class Health(Message, frozen=True, tag="health"):
+    """How well the monitor hears, every second of signal."""
+
+    t: float
+    state: Literal["starting", "hearing", "not_hearing", "finished"]
+    samples_in: int
+    lost: int
+    overflows: int
+    clipped: int
+    non_finite: int
+    publications_dropped: int
+    ring_fill: float
+    latency_ms_p50: float | None
+    latency_ms_p99: float | None
+    reasons: list[str] = []

@@ -1,0 +1,1 @@
+"""The one place where sources, trackers, judges and outlets are wired together."""

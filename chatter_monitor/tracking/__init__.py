@@ -1,0 +1,1 @@
+"""Recursive identification of a live signal: blocks in, operational dynamic parameters out, with confidence."""

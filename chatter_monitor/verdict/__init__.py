@@ -1,0 +1,1 @@
+"""From operational dynamic parameters to a state that an operator can trust."""
