@@ -20,9 +20,7 @@ class ChatterMonitorError(Exception):
 
     exit_code = 1
 
-    def __init__(
-        self, what: str, *, got: object = None, allowed: str | None = None, remedy: str | None = None
-    ) -> None:
+    def __init__(self, what: str, *, got: object = None, allowed: str | None = None, remedy: str | None = None) -> None:
         self.what = what
         self.got = got
         self.allowed = allowed

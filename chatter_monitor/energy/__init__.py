@@ -1,1 +1,1 @@
-"""Nonparametric identification of stiffness, damping and excitation from the response alone (section 3 of the paper)."""
+"""Nonparametric identification of stiffness, damping and excitation from the response alone (paper, section 3)."""
