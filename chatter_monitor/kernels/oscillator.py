@@ -1,0 +1,178 @@
+"""Runge-Kutta integration of a modal machining system with any terms, delay and parameters that change with time.
+
+With mass-normalised modal coordinates q_i and participations g_i, the tool moves by x = sum g_i q_i and
+
+    q_i'' + 2 zeta_i w_i q_i' + w_i^2 q_i = g_i [W(t) - sum_k f_k(x, x', x(t - tau), angle, w_1, z_k)]
+    z_k' = r_k(x, x', ..., z_k)
+
+W is given at the steps and interpolated linearly between them (paper, text at eq. (6)); the delayed displacement is
+interpolated by cubic Hermite polynomials, so both keep the order of the method.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels.forces import MAX_PARAMETERS, call_force
+
+OK = -1  # status of a run that stayed finite
+PER_MODE = 3  # w, zeta, participation
+
+
+class Oscillator(NamedTuple):
+    """The equations and where the motion stands; a run changes the arrays below the line in place."""
+
+    knots_s: np.ndarray  # (k,) times at which the parameters are given
+    table: np.ndarray  # (k, p) parameters there: w, zeta, g of each mode; spindle rad/s; then a row of 4 for each term
+    modes: int
+    teeth: int
+    forces: np.ndarray  # (t,) addresses of the compiled terms
+    rates: np.ndarray  # (t,) addresses of their memory rates, 0 for none
+    # ----
+    current: np.ndarray  # (p,) parameters of the present step
+    y: np.ndarray  # (2 modes + t,) q, q', z
+    slopes: np.ndarray  # (4, 2 modes + t) of the Runge-Kutta stages
+    trial: np.ndarray  # (2 modes + t,)
+    clock: np.ndarray  # (1,) steps done
+    angle: np.ndarray  # (1,) spindle angle in rad
+
+
+def oscillator(knots_s, table, modes, teeth, forces, rates) -> Oscillator:
+    """Put the oscillator at rest at time zero."""
+    size = 2 * modes + forces.size
+    return Oscillator(
+        knots_s,
+        table,
+        modes,
+        teeth,
+        forces,
+        rates,
+        table[0].copy(),
+        np.zeros(size),
+        np.zeros((4, size)),
+        np.zeros(size),
+        np.zeros(1, np.int64),
+        np.zeros(1),
+    )
+
+
+@njit(cache=True, nogil=True)
+def interpolate_parameters(system, time_s):
+    """Set the current parameters: linear between the knots, constant outside."""
+    knots, table, current = system.knots_s, system.table, system.current
+    after = np.searchsorted(knots, time_s)
+    if after == 0:
+        current[:] = table[0]
+    elif after == knots.size:
+        current[:] = table[-1]
+    else:
+        share = (time_s - knots[after - 1]) / (knots[after] - knots[after - 1])
+        for i in range(current.size):
+            current[i] = (1.0 - share) * table[after - 1, i] + share * table[after, i]
+
+
+@njit(cache=True, nogil=True)
+def _hermite(x, v, position, step_s):
+    """Displacement between two steps from the displacements and velocities there; zero before the record."""
+    if position < 0.0:
+        return 0.0
+    i = int(position)
+    s = position - i
+    r = 1.0 - s
+    return (
+        r * r * (1.0 + 2.0 * s) * x[i] + s * s * (1.0 + 2.0 * r) * x[i + 1] + step_s * s * r * (r * v[i] - s * v[i + 1])
+    )
+
+
+@njit(cache=True, nogil=True)
+def _derivative(system, y, drive, lagged, angle, slope):
+    """Right-hand side at one state; returns x, x', x'' of the tool."""
+    modes, p = system.modes, system.current
+    x = 0.0
+    v = 0.0
+    for i in range(modes):
+        g = p[PER_MODE * i + 2]
+        x += g * y[i]
+        v += g * y[modes + i]
+    push = drive
+    parameters = p.ctypes.data + 8 * (PER_MODE * modes + 1)
+    for k in range(system.forces.size):
+        z = y[2 * modes + k]
+        push -= call_force(system.forces[k], x, v, lagged, angle, p[0], z, parameters)
+        slope[2 * modes + k] = 0.0
+        if system.rates[k] != 0:
+            slope[2 * modes + k] = call_force(system.rates[k], x, v, lagged, angle, p[0], z, parameters)
+        parameters += 8 * MAX_PARAMETERS
+    acceleration = 0.0
+    for i in range(modes):
+        w = p[PER_MODE * i]
+        zeta = p[PER_MODE * i + 1]
+        g = p[PER_MODE * i + 2]
+        slope[i] = y[modes + i]
+        slope[modes + i] = g * push - 2.0 * zeta * w * y[modes + i] - w * w * y[i]
+        acceleration += g * slope[modes + i]
+    return x, v, acceleration
+
+
+@njit(cache=True, nogil=True)
+def integrate(system, drive, step_s, history, x, v, a):
+    """Advance by ``drive.size - 1`` steps of the classical fourth-order method.
+
+    Parameters
+    ----------
+    system : Oscillator
+        Changed in place; calling again with the next stretch of `drive` continues bit-identically.
+    drive : ndarray of float64, shape (n + 1,)
+        W at the steps of this stretch and at the first of the next.
+    step_s : float
+        Step; the delay has to be longer than two of them.
+    history : int
+        How many steps of the past stand at the head of `x` and `v` (at least the delay and two more, or none).
+    x, v : ndarray of float64, shape (history + n,)
+        Filled with displacement and velocity at the beginning of each step.
+    a : ndarray of float64, shape (n,)
+        Filled with the acceleration there.
+
+    Returns
+    -------
+    int
+        `OK`, or the step of this stretch at which the motion ceased to be finite.
+    """
+    y, k, trial = system.y, system.slopes, system.trial
+    spindle = PER_MODE * system.modes
+    if system.clock[0] == 0:
+        interpolate_parameters(system, 0.0)
+    for n in range(drive.size - 1):
+        if system.knots_s.size > 1:
+            interpolate_parameters(system, (system.clock[0] + 0.5) * step_s)
+        now = history + n
+        speed = system.current[spindle]
+        delay = 2.0 * np.pi / (speed * system.teeth) / step_s if speed > 0.0 else 0.0
+        angle = system.angle[0]
+        halfway = 0.5 * (drive[n] + drive[n + 1])
+        early = 0.0
+        middle = 0.0
+        late = 0.0
+        if history > 0:
+            early = _hermite(x, v, now - delay, step_s)
+            middle = _hermite(x, v, now + 0.5 - delay, step_s)
+            late = _hermite(x, v, now + 1.0 - delay, step_s)
+        x[now], v[now], a[n] = _derivative(system, y, drive[n], early, angle, k[0])
+        if not np.isfinite(a[n]):
+            return n
+        half_turn = angle + 0.5 * step_s * speed
+        for i in range(y.size):
+            trial[i] = y[i] + 0.5 * step_s * k[0, i]
+        _derivative(system, trial, halfway, middle, half_turn, k[1])
+        for i in range(y.size):
+            trial[i] = y[i] + 0.5 * step_s * k[1, i]
+        _derivative(system, trial, halfway, middle, half_turn, k[2])
+        for i in range(y.size):
+            trial[i] = y[i] + step_s * k[2, i]
+        _derivative(system, trial, drive[n + 1], late, angle + step_s * speed, k[3])
+        for i in range(y.size):
+            y[i] += step_s / 6.0 * (k[0, i] + 2.0 * k[1, i] + 2.0 * k[2, i] + k[3, i])
+        system.angle[0] = angle + step_s * speed
+        system.clock[0] += 1
+    return OK

@@ -1,0 +1,1 @@
+"""Simulated recordings for the demonstration and the tests, and what makes them."""
