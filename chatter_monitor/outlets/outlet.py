@@ -1,0 +1,32 @@
+"""What the monitor asks of everything that takes results: a file, a table, a socket."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Protocol, Self
+
+from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
+
+
+class Outlet(Protocol):
+    """Takes the results of all channels in order of time; one thread owns it.
+
+    Use it as a context manager: leaving by an exception lets an outlet discard what is worth nothing incomplete.
+    """
+
+    def frame(self, frame: OdpFrame, odp: Odp) -> None:
+        """Take one verdict interval of one channel: every sample, and the summary, which has all mode slots."""
+
+    def message(self, message: Verdict | Event | Health) -> None:
+        """Take one message of the public contract."""
+
+    def close(self) -> None:
+        """Bring out what is still buffered and let go of the resource; a second call does nothing."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
