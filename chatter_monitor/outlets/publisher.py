@@ -1,0 +1,243 @@
+"""The monitor's results on a ZeroMQ socket, for dashboards, loggers and bridges in other processes."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+import time
+import uuid
+from collections import Counter
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import zmq
+
+from chatter_monitor.errors import EnvironmentFault, InputError
+from chatter_monitor.outlets.outlet import Outlet
+from chatter_monitor.outlets.wire import (
+    DEFAULT_ENDPOINT,
+    DEFAULT_HIGH_WATER_MARK,
+    PAYLOAD_DTYPES,
+    Header,
+    OdpHeader,
+    Payload,
+    encode,
+    schema_name,
+    topic_of,
+)
+from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
+
+LINGER_MS = 2000  # how long closing may wait for subscribers that are slow to take the last messages
+
+ALLOWED_BINDS = "tcp:// on 127.0.0.0/8, localhost or [::1] with a port (0: any free one), or ipc:// with a path"
+
+
+@dataclass(frozen=True, slots=True)
+class PublishSettings:
+    """Where to publish, and how far a subscriber may fall behind.
+
+    Attributes
+    ----------
+    bind : str
+        ZeroMQ endpoint that only this machine can reach. The path of ``ipc://`` is taken over from an earlier socket.
+    high_water_mark : int
+        Messages kept for a subscriber that does not keep up; what comes after that is lost to it, and to it alone.
+
+    Raises
+    ------
+    InputError
+        If the endpoint is malformed or reachable from the network, or the mark is below 1 (unbounded).
+    """
+
+    bind: str = DEFAULT_ENDPOINT
+    high_water_mark: int = DEFAULT_HIGH_WATER_MARK
+
+    def __post_init__(self) -> None:
+        _check_endpoint(self.bind)
+        if self.high_water_mark < 1:
+            raise InputError("the publisher's high-water mark is too low", got=self.high_water_mark, allowed=">= 1")
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """The sample index tied to wall time at one sample.
+
+    Attributes
+    ----------
+    sample_rate_hz : float
+        Samples per second.
+    utc : datetime
+        Time of `sample`, with a time zone.
+    sample : int
+        The sample at that time.
+    """
+
+    sample_rate_hz: float
+    utc: datetime
+    sample: int = 0
+
+    def utc_of(self, sample: int) -> str:
+        """Time of a sample in UTC, ISO 8601 with microseconds."""
+        time_of = self.utc + timedelta(seconds=(sample - self.sample) / self.sample_rate_hz)
+        return time_of.astimezone(UTC).isoformat(timespec="microseconds")
+
+    def sample_at(self, t: float) -> int:
+        """Index of the sample at a time in seconds of signal."""
+        return round(t * self.sample_rate_hz)
+
+
+class Publisher(Outlet):
+    """Publishes frames and messages; a subscriber that is slow, stopped or absent never holds it up.
+
+    The socket is an XPUB, which is a PUB that hears of subscriptions: that makes `wait_for_subscriber` possible, and
+    with it a replay whose beginning is not lost. The thread that publishes owns the object; handing it over before the
+    first message is allowed.
+
+    Attributes
+    ----------
+    endpoint : str
+        Where it is bound, with the port that was found if 0 was asked for.
+    dropped : int
+        How often a subscriber's queue was found full. A lower bound of the messages lost: while the queue stays full
+        ZeroMQ drops silently, and only the subscriber can count them, from ``seq``.
+
+    Raises
+    ------
+    EnvironmentFault
+        If the endpoint cannot be bound, such as a port in use.
+    InputError
+        If the path of an ``ipc://`` endpoint is a file of another kind, which binding would replace.
+    """
+
+    def __init__(self, settings: PublishSettings, *, clock: Clock, machine: str) -> None:
+        self.dropped = 0
+        self._clock = clock
+        self._machine = machine
+        self._session = uuid.uuid4().hex
+        self._seq: Counter[str] = Counter()
+        self._subscriptions: set[bytes] = set()
+        if settings.bind.startswith("ipc://"):
+            path = Path(settings.bind.removeprefix("ipc://"))
+            if path.exists() and not path.is_socket():
+                raise InputError("the path to publish on is taken by a file that is not a socket", got=str(path))
+        self._context = zmq.Context()
+        self._socket = self._context.socket(zmq.XPUB)
+        self._socket.sndhwm = settings.high_water_mark
+        self._socket.linger = LINGER_MS
+        self._socket.setsockopt(zmq.XPUB_NODROP, 1)  # a full queue is reported, see _send
+        self._socket.ipv6 = "[" in settings.bind
+        try:
+            self._socket.bind(settings.bind)
+        except zmq.ZMQError as error:
+            self.close()
+            raise EnvironmentFault(
+                f"cannot publish: {zmq.strerror(error.errno or 0)}",
+                got=settings.bind,
+                remedy="Another program may hold the port; choose another one with [publish] bind.",
+            ) from error
+        self.endpoint: str = self._socket.getsockopt_string(zmq.LAST_ENDPOINT)
+
+    def frame(self, frame: OdpFrame, odp: Odp) -> None:
+        """Publish all samples of an interval on ``odp.<channel>``, its summary in the header."""
+        topic = topic_of(frame)
+        arrays = {
+            name: np.ascontiguousarray(getattr(frame, name), dtype=dtype) for name, dtype in PAYLOAD_DTYPES.items()
+        }
+        header = OdpHeader(
+            **msgspec.structs.asdict(self._header(topic, frame.first_sample)),
+            odp=odp,
+            rms=frame.rms,
+            lost=frame.lost,
+            flags=frame.flags.names(),
+            payloads=[Payload(name, PAYLOAD_DTYPES[name], values.shape) for name, values in arrays.items()],
+        )
+        self._send(topic, header, *(values.data for values in arrays.values()))
+
+    def message(self, message: Verdict | Event | Health) -> None:
+        """Publish a message of the public contract; the body is the same JSON object as in ``--jsonl``."""
+        match message:
+            case Verdict():
+                sample0 = message.sample0
+            case Event():
+                sample0 = self._clock.sample_at(message.onset_s)
+            case Health():
+                sample0 = self._clock.sample_at(message.t)
+        topic = topic_of(message)
+        self._send(topic, self._header(topic, sample0), encode(message))
+
+    def wait_for_subscriber(self, timeout_s: float) -> bool:
+        """Wait until somebody subscribes to anything; tell whether somebody has."""
+        deadline = time.monotonic() + timeout_s
+        self._hear_subscriptions()
+        while not self._subscriptions and (left_s := deadline - time.monotonic()) > 0:
+            self._socket.poll(int(left_s * 1000) + 1)
+            self._hear_subscriptions()
+        return bool(self._subscriptions)
+
+    def close(self) -> None:
+        """Give connected subscribers a bounded time to take the last messages, and free the port."""
+        self._socket.close()
+        self._context.term()
+
+    def _header(self, topic: str, sample0: int) -> Header:
+        """Header of the topic's next message."""
+        seq = self._seq[topic]
+        self._seq[topic] += 1
+        return Header(
+            schema=schema_name(topic.partition(".")[0]),
+            session=self._session,
+            seq=seq,
+            sample0=sample0,
+            fs=self._clock.sample_rate_hz,
+            utc=self._clock.utc_of(sample0),
+            machine=self._machine,
+        )
+
+    def _send(self, topic: str, header: Header, *payload: bytes | memoryview) -> None:
+        """Send to every subscriber that has room."""
+        self._hear_subscriptions()  # they would pile up in the socket
+        parts = [topic.encode(), encode(header), *payload]
+        try:
+            self._socket.send_multipart(parts, zmq.NOBLOCK)
+        except zmq.Again:
+            # A queue is full. Nobody got the message: send it again to those who have room.
+            self.dropped += 1
+            self._socket.setsockopt(zmq.XPUB_NODROP, 0)
+            self._socket.send_multipart(parts, zmq.NOBLOCK)
+            self._socket.setsockopt(zmq.XPUB_NODROP, 1)
+
+    def _hear_subscriptions(self) -> None:
+        """Take in who has come and gone."""
+        while int(self._socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN:
+            note = self._socket.recv()
+            if note.startswith(b"\x01"):
+                self._subscriptions.add(note[1:])
+            elif note.startswith(b"\x00"):
+                self._subscriptions.discard(note[1:])
+
+
+def _check_endpoint(endpoint: str) -> None:
+    """Refuse endpoints that are malformed or that another machine could reach."""
+    if re.fullmatch(r"ipc://[^\s*]+", endpoint):
+        return
+    tcp = re.fullmatch(r"tcp://(?:\[(?P<ipv6>[^\[\]]+)\]|(?P<host>[^\s:;\[\]]+)):(?P<port>\*|\d{1,5})", endpoint)
+    if tcp is None or (tcp["port"] != "*" and int(tcp["port"]) > 65535):
+        raise InputError("this is no endpoint to publish on", got=endpoint, allowed=ALLOWED_BINDS)
+    if not _is_loopback(tcp["ipv6"] or tcp["host"]):
+        raise InputError(
+            "publishing to the network is refused, because everybody there could listen",
+            got=endpoint,
+            allowed=ALLOWED_BINDS,
+            remedy="Encrypted publishing (CURVE) is not supported yet; bridge or tunnel from this machine instead.",
+        )
+
+
+def _is_loopback(host: str) -> bool:
+    """Whether a host name or address means this machine only; names but localhost may mean anything."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
