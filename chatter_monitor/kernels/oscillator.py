@@ -61,15 +61,14 @@ def oscillator(knots_s, table, modes, teeth, forces, rates) -> Oscillator:
 def interpolate_parameters(system, time_s):
     """Set the current parameters: linear between the knots, constant outside."""
     knots, table, current = system.knots_s, system.table, system.current
-    after = np.searchsorted(knots, time_s)
-    if after == 0:
-        current[:] = table[0]
-    elif after == knots.size:
-        current[:] = table[-1]
-    else:
-        share = (time_s - knots[after - 1]) / (knots[after] - knots[after - 1])
-        for i in range(current.size):
-            current[i] = (1.0 - share) * table[after - 1, i] + share * table[after, i]
+    after = 0
+    while after < knots.size and knots[after] < time_s:
+        after += 1
+    before = max(after - 1, 0)
+    after = min(after, knots.size - 1)
+    share = (time_s - knots[before]) / (knots[after] - knots[before]) if after > before else 0.0
+    for i in range(current.size):
+        current[i] = (1.0 - share) * table[before, i] + share * table[after, i]
 
 
 @njit(cache=True, nogil=True)

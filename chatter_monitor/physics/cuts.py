@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from chatter_monitor.physics.model import AppliedTerm, Drift, Excitation, MachiningSystem, Mode, Sensor, Spindle
+from chatter_monitor.physics.model import MachiningSystem
+from chatter_monitor.physics.parts import AppliedTerm, Drift, Excitation, Mode, Sensor, Spindle
 from chatter_monitor.physics.terms import CATALOGUE
 
 

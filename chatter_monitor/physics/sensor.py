@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from chatter_monitor.physics.model import Sensor
+from chatter_monitor.physics.parts import Sensor
 
 
 def sense(
