@@ -72,12 +72,13 @@ def interpolate_parameters(system, time_s):
 
 
 @njit(cache=True, nogil=True)
-def _hermite(x, v, position, step_s):
-    """Displacement between two steps from the displacements and velocities there; zero before the record."""
-    if position < 0.0:
+def _hermite(x, v, now, delay_steps, step_s):
+    """Displacement some steps ago from the displacements and velocities around; zero before the record."""
+    back = int(np.ceil(delay_steps))
+    i = now - back
+    if i < 0:
         return 0.0
-    i = int(position)
-    s = position - i
+    s = back - delay_steps
     r = 1.0 - s
     return (
         r * r * (1.0 + 2.0 * s) * x[i] + s * s * (1.0 + 2.0 * r) * x[i + 1] + step_s * s * r * (r * v[i] - s * v[i + 1])
@@ -154,9 +155,9 @@ def integrate(system, drive, step_s, history, x, v, a):
         middle = 0.0
         late = 0.0
         if history > 0:
-            early = _hermite(x, v, now - delay, step_s)
-            middle = _hermite(x, v, now + 0.5 - delay, step_s)
-            late = _hermite(x, v, now + 1.0 - delay, step_s)
+            early = _hermite(x, v, now, delay, step_s)
+            middle = _hermite(x, v, now, delay - 0.5, step_s)
+            late = _hermite(x, v, now, delay - 1.0, step_s)
         x[now], v[now], a[n] = _derivative(system, y, drive[n], early, angle, k[0])
         if not np.isfinite(a[n]):
             return n
