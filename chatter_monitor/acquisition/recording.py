@@ -29,17 +29,6 @@ _FRAMES_UNKNOWN = 2**63 - 1  # libsndfile's word for a FLAC stream that was writ
 _ALLOWED = "a WAV, FLAC or other sound file with samples in it"
 
 
-class _ForwardFile(soundfile.SoundFile):  # type: ignore[misc]  # soundfile has no types
-    """Sound file that is read from front to end.
-
-    As long as soundfile holds a file for seekable it seeks after every read, and that fails where a FLAC file is
-    damaged or does not know its length.
-    """
-
-    def seekable(self) -> bool:
-        return False
-
-
 class Recording(Source):
     """Samples of a sound file, at the file's own rate.
 
@@ -145,7 +134,7 @@ class Recording(Source):
         self._file.close()
 
 
-def _open(path: Path) -> _ForwardFile:
+def _open(path: Path) -> soundfile.SoundFile:
     try:
         with path.open("rb"):
             pass
@@ -153,7 +142,7 @@ def _open(path: Path) -> _ForwardFile:
         what = f"the recording cannot be opened: {error.strerror}"
         raise InputError(what, got=str(path), allowed=_ALLOWED, remedy="Check the path.") from error
     try:
-        return _ForwardFile(path)
+        return soundfile.SoundFile(path)
     except soundfile.LibsndfileError as error:
         if path.is_file() and path.stat().st_size == 0:
             raise _without_samples(path) from error
@@ -193,7 +182,7 @@ def _ceiling(subtype: str) -> float:
     return 1.0 - 2.0 ** (1 - bits)
 
 
-def _promised_samples(file: _ForwardFile) -> int | None:
+def _promised_samples(file: soundfile.SoundFile) -> int | None:
     """Samples that the file holds according to its header; None where the header does not know."""
     if file.frames == _FRAMES_UNKNOWN:
         return None

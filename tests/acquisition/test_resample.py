@@ -134,6 +134,19 @@ def test_flags_reach_whatever_the_flagged_samples_touch(hear, rate):
     assert not flagged[:, 0].any()
 
 
+def test_flags_reach_exactly_as_far_as_documented(hear):
+    """Wherever a flag goes up, 160 samples of the slower rate before it are flagged, though they come out early."""
+    rate, channels = 48_000, 64
+    goes_up = 4000 + 50 * np.arange(channels)
+    blocks = []
+    for start in range(0, 12_000, 10):
+        flags = tuple(Flag.CLIPPED if start >= place else Flag.NONE for place in goes_up)
+        blocks.append(Block(start, np.zeros((10, channels)), rate, flags=flags))
+    flagged = hear(Resampled(Given(blocks))).flags == Flag.CLIPPED
+    first = np.ceil((goes_up - 160 * rate / TARGET) * TARGET / rate).astype(int)
+    assert np.array_equal(flagged, np.arange(len(flagged))[:, np.newaxis] >= first)
+
+
 @pytest.mark.parametrize("rate", RATES)
 def test_a_gap_keeps_the_clock(hear, rate):
     """After a gap the samples still stand at their own times, and those that fall into it are lost."""
