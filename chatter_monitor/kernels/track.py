@@ -1,0 +1,99 @@
+"""One channel's whole recursion: RARMA step and poles sample by sample, their meaning tile by tile."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels import odp, poles, rarma
+
+# What a mode's values stand for; the same numbers as `chatter_monitor.records.ModeStatus`.
+OSCILLATORY = 0
+REAL_PAIR = 1
+HELD = 2
+STARTING = 3
+
+
+@njit(forceinline=True, **rarma.OPTIONS)
+def _track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out):
+    frequency, damping, frequency_sd, damping_sd, status = out
+    theta, u, d, _, _, _, _, level, count = recursion
+    coefficients = theta[q:]
+    factors = pole_state.factors
+    modes = p // 2
+    hertz = rate / (2.0 * math.pi)
+    memory = int(1.0 / (1.0 - forgetting))
+    n = samples.shape[0]
+    for begin in range(0, n, odp.TILE):
+        size = min(odp.TILE, n - begin)
+        for t in range(size):
+            adapted = rarma.step(p, q, samples[begin + t], recursion, forgetting, freeze_power)
+            if count[rarma.ADAPTED] < rarma.SAMPLES_PER_COEFFICIENT * (p + q):
+                for m in range(modes):
+                    status[begin + t, m] = STARTING
+                    tile.b[m, t] = np.nan
+                    tile.c[m, t] = np.nan
+                continue
+            if adapted:
+                if count[rarma.ADAPTED] == memory:
+                    poles.forget_slots(pole_state)
+                poles.follow(p, coefficients, pole_state)
+            for m in range(modes):
+                b = factors[m, 0]
+                c = factors[m, 1]
+                tile.b[m, t] = b
+                tile.c[m, t] = c
+                if not b * b < 4.0 * c:
+                    status[begin + t, m] = REAL_PAIR
+                else:
+                    status[begin + t, m] = OSCILLATORY if adapted else HELD
+            scale = level[rarma.SCATTER] * level[rarma.WINDOW_SQUARED] / level[rarma.WINDOW]
+            for j in range(p):
+                tile.d[j, t] = scale * d[q + j]
+                for i in range(j):
+                    tile.u[j, i, t] = u[q + j, q + i]
+        odp.evaluate(p, tile)
+        for t in range(size):
+            for m in range(modes):
+                frequency[begin + t, m] = tile.omega[m, t] * hertz
+                damping[begin + t, m] = tile.damping[m, t]
+                frequency_sd[begin + t, m] = tile.omega_sd[m, t] * hertz
+                damping_sd[begin + t, m] = tile.damping_sd[m, t]
+
+
+@njit(**rarma.OPTIONS)
+def _track_4_3(samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out):
+    """`track` with the orders of the paper known to the compiler, which makes it several times faster."""
+    _track(4, 3, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out)
+
+
+@njit(**rarma.OPTIONS)
+def _track_any(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out):
+    """`track` for orders that are known at run time only."""
+    _track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out)
+
+
+def track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out):
+    """Run the recursion over a stretch of samples and fill in the ODPs of every one of them.
+
+    Parameters
+    ----------
+    p, q : int
+        Orders of A (even) and C.
+    samples : ndarray of float64, shape (n,)
+        The signal; non-finite samples count as missing.
+    recursion, pole_state, tile : RarmaState, PoleState, Tile
+        Changed in place; carry the first two over to the next stretch.
+    forgetting : float
+        lambda = 1 - 1 / (memory in samples).
+    freeze_power : float
+        Adaptation is frozen while the running power is below this; 0 for never.
+    rate : float
+        Sample rate in Hz.
+    out : tuple of ndarray, shape (n, p / 2) each
+        frequency (Hz), damping ratio, their standard deviations (float32), status (uint8).
+    """
+    if (p, q) == (4, 3):
+        _track_4_3(samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out)
+    else:
+        _track_any(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out)

@@ -1,0 +1,106 @@
+"""Naive twins of the kernels: slow, short, to be checked by eye against the paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.kernels import rarma
+
+
+@dataclass
+class NaiveRarma:
+    """RPEM for RARMA(p, q), eq. (18) and (22), with a plain covariance matrix. theta = [c, a]."""
+
+    p: int
+    q: int
+    forgetting: float
+    theta: NDArray[np.float64] = field(init=False)
+    covariance: NDArray[np.float64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        n = self.p + self.q
+        self.theta = np.zeros(n)
+        self.covariance = rarma.PRIOR_VARIANCE * np.eye(n)
+        self.y: list[float] = [0.0] * 8
+        self.e: list[float] = [0.0] * 8
+        self.y_filtered: list[float] = [0.0] * 8
+        self.e_filtered: list[float] = [0.0] * 8
+        self.power = self.variance = self.scatter = self.window = self.window_squared = 0.0
+        self.adapted = 0
+
+    def regressor(self, e: list[float], y: list[float]) -> NDArray[np.float64]:
+        return np.array([e[-i] for i in range(1, self.q + 1)] + [-y[-i] for i in range(1, self.p + 1)])
+
+    def step(self, sample: float) -> None:
+        forgetting, speed = self.forgetting, rarma.VARIANCE_SPEED * (1 - self.forgetting)
+        phi, psi = self.regressor(self.e, self.y), self.regressor(self.e_filtered, self.y_filtered)
+        error = sample - self.theta @ phi
+        self.power += speed * (sample**2 - self.power)
+        if self.adapted == 0:
+            self.variance = sample**2 + self.power
+        variance = max(self.variance, rarma.PREDICTABLE_SHARE * self.power)
+        noise = max(variance, (error / rarma.OUTLIER_SD) ** 2)
+        total = forgetting * noise + psi @ self.covariance @ psi
+        gain = self.covariance @ psi / total
+        self.theta = self.theta + gain * error
+        self.covariance = (self.covariance - np.outer(gain, gain) * total) / forgetting
+        while self.q and np.any(abs(np.roots([1, *self.theta[: self.q]])) >= forgetting):
+            self.theta[: self.q] *= rarma.CONTRACTION ** np.arange(1, self.q + 1)
+        explained = min(error**2 * forgetting * noise / total, rarma.OUTLIER_SD**2 * variance)
+        self.variance = variance + speed * (explained - variance)
+        if self.adapted < rarma.SAMPLES_PER_COEFFICIENT * (self.p + self.q):
+            self.usual = self.variance
+        if self.variance > rarma.SURPRISE * self.usual:
+            self.distrust(self.variance / self.usual)
+            self.usual = self.variance
+        self.usual += (1 - forgetting) * (self.variance - self.usual)
+        self.window = forgetting * self.window + 1
+        self.window_squared = forgetting**2 * self.window_squared + 1
+        self.scatter += (explained / noise - self.scatter) / self.window
+        self.adapted += 1
+        residual = sample - self.theta @ phi
+        c = self.theta[: self.q]
+        # (1/C) y and (1/C) e: what is filtered now plus C's memory of what was filtered before
+        y_filtered = sample - sum(c[i] * self.y_filtered[-1 - i] for i in range(self.q))
+        e_filtered = residual - sum(c[i] * self.e_filtered[-1 - i] for i in range(self.q))
+        for history, value in (
+            (self.y, sample), (self.e, residual), (self.y_filtered, y_filtered), (self.e_filtered, e_filtered)
+        ):  # fmt: skip
+            history.append(value)
+
+    def distrust(self, factor: float) -> None:
+        """Multiply the D of P = U D U' by the factor, but nothing beyond the prior."""
+        root = np.linalg.cholesky(self.covariance[::-1, ::-1])[::-1, ::-1]  # upper triangular: P = root root'
+        d = np.diag(root) ** 2
+        u = root / np.diag(root)
+        self.covariance = u @ np.diag(np.maximum(d, np.minimum(d * factor, rarma.PRIOR_VARIANCE))) @ u.T
+
+    def odps(self, rate_hz: float) -> list[tuple[float, float, float, float]]:
+        """(frequency Hz, damping, their standard deviations) of each complex pair, by numerical differentiation."""
+        a = self.theta[self.q :]
+        covariance = self.scatter * self.window_squared / self.window * self.covariance[self.q :, self.q :]
+        roots = np.roots([1, *a])
+        upper = sorted(roots[roots.imag > 0], key=lambda mu: float(abs(np.log(mu))))
+
+        def meaning(mu: complex) -> NDArray[np.float64]:
+            s = np.log(mu)
+            return np.array([abs(s) * rate_hz / (2 * np.pi), -s.real / abs(s)])  # eq. (25), (24) corrected
+
+        result = []
+        for mu in upper:
+            gradient = np.zeros((2, self.p))
+            for i in range(self.p):
+                h = 1e-7
+                moved = []
+                for sign in (1, -1):
+                    shifted = a.copy()
+                    shifted[i] += sign * h
+                    candidates = np.roots([1, *shifted])
+                    moved.append(meaning(candidates[np.argmin(abs(candidates - mu))]))
+                gradient[:, i] = (moved[0] - moved[1]) / (2 * h)
+            sd = np.sqrt(np.einsum("ki,ij,kj->k", gradient, covariance, gradient))
+            result.append((*meaning(mu), *sd))
+        return result
