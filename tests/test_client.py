@@ -224,7 +224,7 @@ def with_payload(**change) -> dict:
         ("verdict.0", header(), []),
         ("verdict.0", b"", [BODY]),
         ("verdict.0", b"\xff\xfe", [BODY]),
-        ("verdict.0", b'{"schema":' + b"[" * 100_000, [BODY]),
+        ("verdict.0", b'{"surprise":' + b"[" * 100_000, [BODY]),
         ("verdict.0", {"schema": "chatter-monitor/verdict/1"}, [BODY]),
         ("verdict.0", header(seq=-1), [BODY]),
         ("verdict.0", header(kind="health"), [BODY]),

@@ -120,8 +120,8 @@ def test_a_full_queue_costs_only_its_own_subscriber(tmp_path, clock, make_interv
         subscriber_process(publisher, tmp_path / "report.json") as process,
     ):
         process.send_signal(signal.SIGSTOP)
-        while publisher.dropped == 0:
-            publisher.frame(*interval)
+        publish_timed(publisher, interval, 6000)  # more than the kernel takes
+        assert publisher.dropped > 0
         with Subscriber(publisher.endpoint) as reader:
             while reader.receive(0.01) is None:  # until it is connected
                 publisher.frame(*interval)
