@@ -2,11 +2,13 @@
 
 With mass-normalised modal coordinates q_i and participations g_i, the tool moves by x = sum g_i q_i and
 
-    q_i'' + 2 zeta_i w_i q_i' + w_i^2 q_i = g_i [W(t) - sum_k f_k(x, x', x(t - tau), angle, w_1, z_k)]
+    q_i'' + 2 zeta_i w_i q_i' + w_i^2 q_i = g_i [W(t) - sum_k f_k(x, x', s(t - tau), angle, w_1, z_k)]
     z_k' = r_k(x, x', ..., z_k)
 
-W is given at the steps and interpolated linearly between them (paper, text at eq. (6)); the delayed displacement is
-interpolated by cubic Hermite polynomials, so both keep the order of the method.
+W is given at the steps and interpolated linearly between them (paper, text at eq. (6)). What a tooth meets is not the
+displacement of the tooth before, but the surface that it left: s(t) = min(x(t), s(t - tau) + chip thickness), which is
+the displacement as long as the tool stays in the cut (Tlusty and Ismail 1981, the paper's [11]). Its past is
+interpolated by cubic Hermite polynomials, which keeps the order of the method.
 """
 
 from typing import NamedTuple
@@ -18,13 +20,14 @@ from chatter_monitor.kernels.forces import MAX_PARAMETERS, call_force
 
 OK = -1  # status of a run that stayed finite
 PER_MODE = 3  # w, zeta, participation
+PER_SPINDLE = 2  # rad/s, chip thickness
 
 
 class Oscillator(NamedTuple):
     """The equations and where the motion stands; a run changes the arrays below the line in place."""
 
     knots_s: np.ndarray  # (k,) times at which the parameters are given
-    table: np.ndarray  # (k, p) parameters there: w, zeta, g of each mode; spindle rad/s; then a row of 4 for each term
+    table: np.ndarray  # (k, p) parameters there: of each mode, of the spindle, then a row of 4 for each term
     modes: int
     teeth: int
     forces: np.ndarray  # (t,) addresses of the compiled terms
@@ -72,17 +75,17 @@ def interpolate_parameters(system, time_s):
 
 
 @njit(cache=True, nogil=True)
-def _hermite(x, v, now, delay_steps, step_s):
-    """Displacement some steps ago from the displacements and velocities around; zero before the record."""
+def _surface_then(surface, now, delay_steps, step_s):
+    """Surface and its slope some steps ago from those at the steps around; zero before the record."""
     back = int(np.ceil(delay_steps))
     i = now - back
     if i < 0:
-        return 0.0
+        return 0.0, 0.0
     s = back - delay_steps
     r = 1.0 - s
-    return (
-        r * r * (1.0 + 2.0 * s) * x[i] + s * s * (1.0 + 2.0 * r) * x[i + 1] + step_s * s * r * (r * v[i] - s * v[i + 1])
-    )
+    x0, x1, v0, v1 = surface[0, i], surface[0, i + 1], surface[1, i], surface[1, i + 1]
+    position = r * r * (1.0 + 2.0 * s) * x0 + s * s * (1.0 + 2.0 * r) * x1 + step_s * s * r * (r * v0 - s * v1)
+    return position, 6.0 * s * r * (x1 - x0) / step_s + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
 
 
 @njit(cache=True, nogil=True)
@@ -96,7 +99,7 @@ def _derivative(system, y, drive, lagged, angle, slope):
         x += g * y[i]
         v += g * y[modes + i]
     push = drive
-    parameters = p.ctypes.data + 8 * (PER_MODE * modes + 1)
+    parameters = p.ctypes.data + 8 * (PER_MODE * modes + PER_SPINDLE)
     for k in range(system.forces.size):
         z = y[2 * modes + k]
         push -= call_force(system.forces[k], x, v, lagged, angle, p[0], z, parameters)
@@ -116,7 +119,7 @@ def _derivative(system, y, drive, lagged, angle, slope):
 
 
 @njit(cache=True, nogil=True)
-def integrate(system, drive, step_s, history, x, v, a):
+def integrate(system, drive, step_s, history, surface, x, v, a):
     """Advance by ``drive.size - 1`` steps of the classical fourth-order method.
 
     Parameters
@@ -128,11 +131,11 @@ def integrate(system, drive, step_s, history, x, v, a):
     step_s : float
         Step; the delay has to be longer than two of them.
     history : int
-        How many steps of the past stand at the head of `x` and `v` (at least the delay and two more, or none).
-    x, v : ndarray of float64, shape (history + n,)
-        Filled with displacement and velocity at the beginning of each step.
-    a : ndarray of float64, shape (n,)
-        Filled with the acceleration there.
+        How many steps of the past stand at the head of `surface` (at least the delay and two more); 0 without delay.
+    surface : ndarray of float64, shape (2, history + n)
+        Surface left by the tool and its slope; filled at the beginning of each step. Anything without delay.
+    x, v, a : ndarray of float64, shape (n,)
+        Filled with displacement, velocity and acceleration at the beginning of each step.
 
     Returns
     -------
@@ -154,11 +157,16 @@ def integrate(system, drive, step_s, history, x, v, a):
         early = 0.0
         middle = 0.0
         late = 0.0
+        early_slope = 0.0
         if history > 0:
-            early = _hermite(x, v, now, delay, step_s)
-            middle = _hermite(x, v, now, delay - 0.5, step_s)
-            late = _hermite(x, v, now, delay - 1.0, step_s)
-        x[now], v[now], a[n] = _derivative(system, y, drive[n], early, angle, k[0])
+            early, early_slope = _surface_then(surface, now, delay, step_s)
+            middle, _ = _surface_then(surface, now, delay - 0.5, step_s)
+            late, _ = _surface_then(surface, now, delay - 1.0, step_s)
+        x[n], v[n], a[n] = _derivative(system, y, drive[n], early, angle, k[0])
+        if history > 0:
+            missed = x[n] - early > system.current[spindle + 1]
+            surface[0, now] = early + system.current[spindle + 1] if missed else x[n]
+            surface[1, now] = early_slope if missed else v[n]
         if not np.isfinite(a[n]):
             return n
         half_turn = angle + 0.5 * step_s * speed

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from chatter_monitor.errors import InputError
 from chatter_monitor.kernels.forces import MAX_PARAMETERS
-from chatter_monitor.kernels.oscillator import Oscillator, oscillator
+from chatter_monitor.kernels.oscillator import PER_MODE, PER_SPINDLE, Oscillator, oscillator
 from chatter_monitor.physics.parts import AppliedTerm, Drift, Excitation, Mode, Sensor, Spindle
 
 
@@ -73,6 +73,16 @@ class MachiningSystem:
                 return np.interp(time_s, drift.time_s, drift.value)
         return np.full(time_s.shape, otherwise)
 
+    def chip_thickness(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Largest x - x(t - tau) at which the tool still cuts; infinite for models without loss of contact."""
+        least = np.full(time_s.shape, np.inf)
+        for k, applied in enumerate(self.terms, 1):
+            name = applied.term.chip_thickness
+            if name is not None:
+                thickness = self.drifting(f"term.{k}.{name}", time_s, applied.parameters[name])
+                least = np.minimum(least, thickness)
+        return least
+
     def at(self, time_s: float) -> MachiningSystem:
         """Return the same system with its parameters frozen as they are at one time."""
         if not self.drifts:
@@ -107,9 +117,10 @@ class MachiningSystem:
         """Hand the equations to the kernels: addresses of the compiled terms and the table of their parameters."""
         slots = self._slots()
         knots = np.array(sorted({time_s for drift in self.drifts for time_s in drift.time_s} or {0.0}))
-        table = np.zeros((knots.size, 3 * len(self.modes) + 1 + MAX_PARAMETERS * len(self.terms)))
+        table = np.zeros((knots.size, self._term_column(len(self.terms))))
         for parameter, (column, scale, value) in slots.items():
             table[:, column] = scale * self.drifting(parameter, knots, value)
+        table[:, self._term_column(0) - 1] = self.chip_thickness(knots)
         forces = np.array([applied.term.compiled_force.address for applied in self.terms], dtype=np.int64)
         rates = np.array(
             [rate.address if (rate := applied.term.compiled_rate) else 0 for applied in self.terms], dtype=np.int64
@@ -121,13 +132,16 @@ class MachiningSystem:
         """Column of every parameter in the kernels' table, the factor to their units, and its value."""
         slots: dict[str, tuple[int, float, float]] = {}
         for i, mode in enumerate(self.modes):
-            slots[f"mode.{i + 1}.frequency_hz"] = (3 * i, 2.0 * math.pi, mode.frequency_hz)
-            slots[f"mode.{i + 1}.damping_ratio"] = (3 * i + 1, 1.0, mode.damping_ratio)
-            slots[f"mode.{i + 1}.participation"] = (3 * i + 2, 1.0, mode.participation)
-        column = 3 * len(self.modes)
+            slots[f"mode.{i + 1}.frequency_hz"] = (PER_MODE * i, 2.0 * math.pi, mode.frequency_hz)
+            slots[f"mode.{i + 1}.damping_ratio"] = (PER_MODE * i + 1, 1.0, mode.damping_ratio)
+            slots[f"mode.{i + 1}.participation"] = (PER_MODE * i + 2, 1.0, mode.participation)
         if self.spindle:
-            slots["spindle.speed_rpm"] = (column, 2.0 * math.pi / 60.0, self.spindle.speed_rpm)
+            slots["spindle.speed_rpm"] = (PER_MODE * len(self.modes), 2.0 * math.pi / 60.0, self.spindle.speed_rpm)
         for k, applied in enumerate(self.terms):
             for j, (parameter, value) in enumerate(zip(applied.term.parameters, applied.values, strict=True)):
-                slots[f"term.{k + 1}.{parameter.name}"] = (column + 1 + MAX_PARAMETERS * k + j, 1.0, value)
+                slots[f"term.{k + 1}.{parameter.name}"] = (self._term_column(k) + j, 1.0, value)
         return slots
+
+    def _term_column(self, k: int) -> int:
+        """Column of the first parameter of a term in the kernels' table."""
+        return PER_MODE * len(self.modes) + PER_SPINDLE + MAX_PARAMETERS * k

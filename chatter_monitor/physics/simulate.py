@@ -38,6 +38,8 @@ class Simulation:
         What the sensor delivers.
     displacement, velocity : ndarray of float64, shape (n,)
         Motion of the tool in u and u/s, band-limited like the signal.
+    out_of_cut : ndarray of bool, shape (n,)
+        Whether the tool has left the cut.
     """
 
     system: MachiningSystem
@@ -46,11 +48,12 @@ class Simulation:
     signal: NDArray[np.float64]
     displacement: NDArray[np.float64]
     velocity: NDArray[np.float64]
+    out_of_cut: NDArray[np.bool_]
 
     @cached_property
     def truth(self) -> Truth:
         """Characteristic roots along the recording and the stretches of chatter; computed at first use."""
-        return truth_of(self.system, self.displacement, self.sample_rate_hz, self.seed)
+        return truth_of(self.system, self.out_of_cut, self.sample_rate_hz, self.seed)
 
 
 def simulate(
@@ -98,19 +101,22 @@ def simulate(
     time_s = np.arange(-start, steps - start + 1, dtype=np.float64) * step_s
     drive = _drive(system, time_s, step_s, rng, force, samples / sample_rate_hz)
     history = _history(system, time_s, step_s)
-    x, v, a = np.zeros(history + steps), np.zeros(history + steps), np.zeros(steps)
+    x, v, a = np.zeros(steps), np.zeros(steps), np.zeros(steps)
+    surface = np.zeros((2, history + steps if history else 0))
     oscillator = system.oscillator()
     oscillator.knots_s[:] += start * step_s
-    status = integrate(oscillator, drive, step_s, history, x, v, a)
+    status = integrate(oscillator, drive, step_s, history, surface, x, v, a)
     if status != OK:
         raise InputError(
             f"the simulated vibration grows without bound and left the range of numbers at {time_s[status]:.3f} s",
             remedy="Limit it by loss_of_contact or energy_damping, or make the cut stable.",
         )
-    motion = (_decimate(fine, oversampling)[settling:] for fine in (x[history:], v[history:], a))
+    motion = (_decimate(fine, oversampling)[settling:] for fine in (x, v, a))
     displacement, velocity, acceleration = motion
     output = sense(system.sensor, displacement, velocity, acceleration, sample_rate_hz, rng)
-    return Simulation(system, seed, sample_rate_hz, output, displacement, velocity)
+    left = surface[0, history:] < x if history else np.zeros(steps, dtype=bool)
+    out_of_cut = left[start::oversampling]
+    return Simulation(system, seed, sample_rate_hz, output, displacement, velocity, out_of_cut)
 
 
 def _drive(

@@ -5,7 +5,8 @@ A term is a force per unit mass on the left-hand side of the equation of motion 
 
     x'' + 2 zeta w x' + w^2 x + sum_k f_k(x, x', x(t - tau), angle) = W(t)
 
-where x is the displacement of the tool in any unit u, w the angular frequency of the first mode, tau the time from one
+where x is the displacement of the tool in any unit u, x(t - tau) the surface that the tooth before left (its
+displacement, unless it was out of the cut), w the angular frequency of the first mode, tau the time from one
 tooth to the next and the angle that of the spindle. Stiffness-like coefficients are relative to w^2, so that they can
 be read without knowing the mode: a cubic coefficient of 0.05 / u^2 adds 5 % to the restoring force at x = 1 u.
 
@@ -84,6 +85,9 @@ class Term:
         Rate of change of the internal state z, same arguments; None for terms without memory.
     delayed, periodic : bool
         Uses ``lagged`` or ``angle``, so the model needs a spindle speed.
+    chip_thickness : str, optional
+        Name of the parameter beyond which x - x(t - tau) means that the tool has left the cut, so that the surface
+        stays as the tooth before left it.
     smooth : bool
         Has a slope at rest, so that it counts in the characteristic equation.
     limits_growth : bool
@@ -98,6 +102,7 @@ class Term:
     memory_rate: Force | None = None
     delayed: bool = False
     periodic: bool = False
+    chip_thickness: str | None = None
     smooth: bool = True
     limits_growth: bool = False
 
@@ -220,11 +225,12 @@ _ENTRIES = (
     ),
     Term(
         name="loss_of_contact",
-        equation="w^2 coefficient min(x - x(t - tau), chip_thickness)",
-        source="eq. (3) with no force once the chip thickness is zero; replaces regenerative_delay",
+        equation="w^2 coefficient min(x - s(t - tau), chip_thickness), s = min(x, s(t - tau) + chip_thickness)",
+        source="eq. (3) with no force once the chip thickness is zero, surface s of [11]; replaces regenerative_delay",
         parameters=(_PROCESS_STIFFNESS, _positive("chip_thickness", "u", "mean uncut chip thickness")),
         force=lambda x, v, lagged, angle, w, memory, p: p[0] * w * w * min(x - lagged, p[1]),
         delayed=True,
+        chip_thickness="chip_thickness",
     ),
     Term(
         name="process_damping",

@@ -70,9 +70,9 @@ class Truth:
         }
 
 
-def truth_of(system: MachiningSystem, displacement: NDArray[np.float64], sample_rate_hz: float, seed: int) -> Truth:
-    """Work out the truth about a simulated recording from the system and the motion of the tool."""
-    duration_s = displacement.size / sample_rate_hz
+def truth_of(system: MachiningSystem, out_of_cut: NDArray[np.bool_], sample_rate_hz: float, seed: int) -> Truth:
+    """Work out the truth about a simulated recording from the system and from when the tool was out of the cut."""
+    duration_s = out_of_cut.size / sample_rate_hz
     count = max(1, int(duration_s / INTERVAL_S + 1e-9))
     if system.drifts:
         roots = rightmost_roots_along(system, [INTERVAL_S * (i + 0.5) for i in range(count)])
@@ -80,29 +80,12 @@ def truth_of(system: MachiningSystem, displacement: NDArray[np.float64], sample_
         roots = (rightmost_root(system),) * count
     unstable = np.array([not root.stable for root in roots])
     chatter = unstable
-    out_of_cut = _out_of_cut(system, displacement, sample_rate_hz)
-    if out_of_cut is not None:
-        per_interval = round(INTERVAL_S * sample_rate_hz)
-        starts = np.arange(count) * per_interval
-        leaving = np.maximum.reduceat(out_of_cut, starts)
+    if any(applied.term.chip_thickness for applied in system.terms):
+        leaving = np.logical_or.reduceat(out_of_cut, np.arange(count) * round(INTERVAL_S * sample_rate_hz))
         chatter = np.zeros_like(unstable)
         for first, last in _runs(leaving, round(_PAUSE_S / INTERVAL_S)):
             chatter[first:last] = unstable[first:last].any()
     return Truth(system, seed, sample_rate_hz, duration_s, roots, _stretches(unstable), _stretches(chatter))
-
-
-def _out_of_cut(
-    system: MachiningSystem, displacement: NDArray[np.float64], sample_rate_hz: float
-) -> NDArray[np.bool_] | None:
-    """Samples at which the uncut chip thickness is zero; None for models without loss of contact."""
-    thickness = [applied.values[1] for applied in system.terms if applied.term.name == "loss_of_contact"]
-    if not thickness or system.spindle is None:
-        return None
-    samples = np.arange(displacement.size)
-    speed_rpm = system.drifting("spindle.speed_rpm", samples / sample_rate_hz, system.spindle.speed_rpm)
-    delays = 60.0 / (system.spindle.teeth * speed_rpm) * sample_rate_hz
-    lagged = np.interp(samples - delays, samples, displacement, left=0.0)
-    return displacement - lagged > min(thickness)
 
 
 def _runs(flags: NDArray[np.bool_], pause: int = 0) -> list[tuple[int, int]]:

@@ -11,13 +11,14 @@ from chatter_monitor.physics.terms import CATALOGUE
 W = 2.0 * np.pi * 50.0
 
 
-def make(modes, terms=(), speed=0.0, teeth=1):
+def make(modes, terms=(), speed=0.0, teeth=1, chip_thickness=np.inf):
     """An oscillator with `modes` of (w, zeta, g) and `terms` of (name, parameters)."""
-    table = np.zeros((1, 3 * len(modes) + 1 + 4 * len(terms)))
+    table = np.zeros((1, 3 * len(modes) + 2 + 4 * len(terms)))
     table[0, : 3 * len(modes)] = np.ravel(modes)
     table[0, 3 * len(modes)] = speed
+    table[0, 3 * len(modes) + 1] = chip_thickness
     for k, (_, values) in enumerate(terms):
-        start = 3 * len(modes) + 1 + 4 * k
+        start = 3 * len(modes) + 2 + 4 * k
         table[0, start : start + len(values)] = values
     entries = [CATALOGUE[name] for name, _ in terms]
     forces = np.array([t.compiled_force.address for t in entries], np.int64)
@@ -26,10 +27,10 @@ def make(modes, terms=(), speed=0.0, teeth=1):
 
 
 def run(system, drive, step_s, history=0):
-    x, v = np.zeros(history + drive.size - 1), np.zeros(history + drive.size - 1)
-    a = np.zeros(drive.size - 1)
-    assert integrate(system, drive, step_s, history, x, v, a) == OK
-    return x[history:], v[history:], a
+    x, v, a = np.zeros((3, drive.size - 1))
+    surface = np.zeros((2, history + drive.size - 1))
+    assert integrate(system, drive, step_s, history, surface, x, v, a) == OK
+    return x, v, a
 
 
 def order_of(error):
@@ -85,26 +86,30 @@ def test_energy_is_what_was_put_in_less_what_was_dissipated():
     np.testing.assert_allclose(energy, work, atol=5e-6 * energy.max())
 
 
-def naive_run(modes, force, drive, step, tau):
-    """Runge-Kutta in plain Python on x'' = ..., the delayed displacement from a cubic through the past steps."""
+def naive_run(modes, force, drive, step, tau, chip_thickness):
+    """Runge-Kutta in plain Python; the surface is kept as a list of positions and slopes and read by a cubic."""
     w, zeta, g = (np.array(column) for column in zip(*modes, strict=True))
-    q, p, past = np.zeros(len(modes)), np.zeros(len(modes)), []
+    q, p, past, motion = np.zeros(len(modes)), np.zeros(len(modes)), [], []
 
     def lagged(time):
         if time < 0.0:
-            return 0.0
+            return 0.0, 0.0
         i = int(time / step)
         s = time / step - i
         (x0, v0), (x1, v1) = past[i], past[i + 1]
         slope0, slope1, rise = step * v0, step * v1, x1 - x0
-        return x0 + s * (slope0 + s * (3 * rise - 2 * slope0 - slope1 + s * (slope0 + slope1 - 2 * rise)))
+        square, cube = 3 * rise - 2 * slope0 - slope1, slope0 + slope1 - 2 * rise
+        return x0 + s * (slope0 + s * (square + s * cube)), (slope0 + s * (2 * square + s * 3 * cube)) / step
 
     def rates(q, p, push, time):
-        push = push - force(g @ q, g @ p, lagged(time - tau))
+        push = push - force(g @ q, g @ p, lagged(time - tau)[0])
         return p, g * push - 2 * zeta * w * p - w**2 * q
 
     for n in range(drive.size - 1):
-        past.append((g @ q, g @ p))
+        motion.append((g @ q, g @ p))
+        before, slope = lagged(n * step - tau)
+        in_cut = g @ q - before <= chip_thickness
+        past.append(motion[-1] if in_cut else (before + chip_thickness, slope))
         half = 0.5 * (drive[n] + drive[n + 1])
         a1, b1 = rates(q, p, drive[n], n * step)
         a2, b2 = rates(q + step / 2 * a1, p + step / 2 * b1, half, (n + 0.5) * step)
@@ -112,7 +117,7 @@ def naive_run(modes, force, drive, step, tau):
         a4, b4 = rates(q + step * a3, p + step * b3, drive[n + 1], (n + 1) * step)
         q = q + step / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
         p = p + step / 6 * (b1 + 2 * b2 + 2 * b3 + b4)
-    return np.array(past)
+    return np.array(motion)
 
 
 def test_the_kernel_agrees_with_its_naive_twin():
@@ -122,12 +127,12 @@ def test_the_kernel_agrees_with_its_naive_twin():
     step, teeth, speed = 5e-5, 3, 2.0 * np.pi * 40.0
     tau = 1.0 / (40.0 * teeth)
     drive = np.random.default_rng(0).normal(0.0, 100.0, 1500)
-    x, v, _ = run(make(modes, terms, speed, teeth), drive, step, int(tau / step) + 3)
+    x, v, _ = run(make(modes, terms, speed, teeth, 2e-4), drive, step, int(tau / step) + 3)
 
     def force(x, v, lagged):
         return 0.3 * W**2 * min(x - lagged, 2e-4) + 0.5 * np.tanh(v / 0.01)
 
-    twin = naive_run(modes, force, drive, step, tau)
+    twin = naive_run(modes, force, drive, step, tau, 2e-4)
     assert np.any(np.abs(x) > 2e-4)
     np.testing.assert_allclose(x, twin[:, 0], atol=1e-12)
     np.testing.assert_allclose(v, twin[:, 1], atol=1e-9)
@@ -141,19 +146,20 @@ def test_stretches_continue_bit_identically():
     drive = np.random.default_rng(1).normal(0.0, 100.0, 3001)
     whole, _, _ = run(make([(W, 0.02, 1.0)], terms, speed), drive, step, history)
     system = make([(W, 0.02, 1.0)], terms, speed)
-    x, v = np.zeros(history + 3000), np.zeros(history + 3000)
+    x, v, a = np.zeros((3, 3000))
+    surface = np.zeros((2, history + 3000))
     first = 0
     for size in (1, 700, 13, 2286):
-        part = slice(first, history + first + size)
-        assert integrate(system, drive[first : first + size + 1], step, history, x[part], v[part], np.zeros(size)) == OK
+        past, part = surface[:, first : history + first + size], slice(first, first + size)
+        assert integrate(system, drive[first : first + size + 1], step, history, past, x[part], v[part], a[part]) == OK
         first += size
-    np.testing.assert_array_equal(x[history:], whole)
+    np.testing.assert_array_equal(x, whole)
 
 
 def test_parameters_drift_linearly_between_their_knots():
     """A frequency that rises from 50 to 60 Hz turns the phase by the integral of the frequency."""
     knots = np.array([0.0, 1.0])
-    table = np.array([[2 * np.pi * 50.0, 0.0, 1.0, 0.0], [2 * np.pi * 60.0, 0.0, 1.0, 0.0]])
+    table = np.array([[2 * np.pi * 50.0, 0.0, 1.0, 0.0, np.inf], [2 * np.pi * 60.0, 0.0, 1.0, 0.0, np.inf]])
     system = oscillator(knots, table, 1, 1, np.zeros(0, np.int64), np.zeros(0, np.int64))
     system.y[0] = 1.0
     x, v, _ = run(system, np.zeros(10002), 1e-4)
@@ -165,8 +171,8 @@ def test_a_motion_that_leaves_the_range_of_numbers_is_reported():
     """Unlimited growth ends the run with the step at which it happened, not with NaN in the output."""
     system = make([(W, -0.9, 1.0)])
     system.y[0] = 1.0
-    x, v, a = np.zeros(100000), np.zeros(100000), np.zeros(100000)
-    stop = integrate(system, np.zeros(100001), 1e-4, 0, x, v, a)
+    x, v, a = np.zeros((3, 100000))
+    stop = integrate(system, np.zeros(100001), 1e-4, 0, np.zeros((2, 0)), x, v, a)
     assert 0 < stop < 100000
     assert np.all(np.isfinite(x[:stop]))
 
