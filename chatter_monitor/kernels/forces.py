@@ -13,8 +13,6 @@ from llvmlite import ir  # type: ignore[import-untyped] # Numba's own code gener
 from numba import cfunc, njit, types
 from numba.extending import intrinsic
 
-MAX_PARAMETERS = 4  # the width of a row of the parameter table
-
 _number = types.float64
 _numbers = types.CPointer(types.float64)
 _SIGNATURE = _number(_number, _number, _number, _number, _number, _number, _numbers)
@@ -26,7 +24,7 @@ def compile_force(function: Callable[..., float]) -> Any:
     Parameters
     ----------
     function : callable
-        ``f(x, v, lagged, angle, w, memory, p) -> float``; `p` is indexed with constants, nothing else.
+        ``f(x, v, lagged, angle, w, memory, p) -> float``; `p` can be indexed, nothing else.
     """
     return cfunc(_SIGNATURE, cache=True)(function)
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from chatter_monitor.kernels.forces import MAX_PARAMETERS, call_force
+from chatter_monitor.kernels.forces import call_force
 
 OK = -1  # status of a run that stayed finite
 PER_MODE = 3  # w, zeta, participation
@@ -27,10 +27,11 @@ class Oscillator(NamedTuple):
     """The equations and where the motion stands; a run changes the arrays below the line in place."""
 
     knots_s: np.ndarray  # (k,) times at which the parameters are given
-    table: np.ndarray  # (k, p) parameters there: of each mode, of the spindle, then a row of 4 for each term
+    table: np.ndarray  # (k, p) parameters there: of each mode, of the spindle, of each term
     modes: int
     teeth: int
     forces: np.ndarray  # (t,) addresses of the compiled terms
+    columns: np.ndarray  # (t,) column of the first parameter of each term
     rates: np.ndarray  # (t,) addresses of their memory rates, 0 for none
     # ----
     current: np.ndarray  # (p,) parameters of the present step
@@ -41,7 +42,7 @@ class Oscillator(NamedTuple):
     angle: np.ndarray  # (1,) spindle angle in rad
 
 
-def oscillator(knots_s, table, modes, teeth, forces, rates) -> Oscillator:
+def oscillator(knots_s, table, modes, teeth, forces, columns, rates) -> Oscillator:
     """Put the oscillator at rest at time zero."""
     size = 2 * modes + forces.size
     return Oscillator(
@@ -50,6 +51,7 @@ def oscillator(knots_s, table, modes, teeth, forces, rates) -> Oscillator:
         modes,
         teeth,
         forces,
+        columns,
         rates,
         table[0].copy(),
         np.zeros(size),
@@ -99,14 +101,13 @@ def _derivative(system, y, drive, lagged, angle, slope):
         x += g * y[i]
         v += g * y[modes + i]
     push = drive
-    parameters = p.ctypes.data + 8 * (PER_MODE * modes + PER_SPINDLE)
     for k in range(system.forces.size):
         z = y[2 * modes + k]
+        parameters = p.ctypes.data + 8 * system.columns[k]
         push -= call_force(system.forces[k], x, v, lagged, angle, p[0], z, parameters)
         slope[2 * modes + k] = 0.0
         if system.rates[k] != 0:
             slope[2 * modes + k] = call_force(system.rates[k], x, v, lagged, angle, p[0], z, parameters)
-        parameters += 8 * MAX_PARAMETERS
     acceleration = 0.0
     for i in range(modes):
         w = p[PER_MODE * i]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.errors import InputError
-from chatter_monitor.kernels.forces import MAX_PARAMETERS
 from chatter_monitor.kernels.oscillator import PER_MODE, PER_SPINDLE, Oscillator, oscillator
 from chatter_monitor.physics.parts import AppliedTerm, Drift, Excitation, Mode, Sensor, Spindle
 
@@ -115,18 +115,18 @@ class MachiningSystem:
 
     def oscillator(self) -> Oscillator:
         """Hand the equations to the kernels: addresses of the compiled terms and the table of their parameters."""
-        slots = self._slots()
+        slots, columns = self._slots(), self._term_columns()
         knots = np.array(sorted({time_s for drift in self.drifts for time_s in drift.time_s} or {0.0}))
-        table = np.zeros((knots.size, self._term_column(len(self.terms))))
+        table = np.zeros((knots.size, columns[-1]))
         for parameter, (column, scale, value) in slots.items():
             table[:, column] = scale * self.drifting(parameter, knots, value)
-        table[:, self._term_column(0) - 1] = self.chip_thickness(knots)
+        table[:, columns[0] - 1] = self.chip_thickness(knots)
         forces = np.array([applied.term.compiled_force.address for applied in self.terms], dtype=np.int64)
         rates = np.array(
             [rate.address if (rate := applied.term.compiled_rate) else 0 for applied in self.terms], dtype=np.int64
         )
         teeth = self.spindle.teeth if self.spindle else 1
-        return oscillator(knots, table, len(self.modes), teeth, forces, rates)
+        return oscillator(knots, table, len(self.modes), teeth, forces, np.array(columns[:-1], dtype=np.int64), rates)
 
     def _slots(self) -> dict[str, tuple[int, float, float]]:
         """Column of every parameter in the kernels' table, the factor to their units, and its value."""
@@ -137,11 +137,12 @@ class MachiningSystem:
             slots[f"mode.{i + 1}.participation"] = (PER_MODE * i + 2, 1.0, mode.participation)
         if self.spindle:
             slots["spindle.speed_rpm"] = (PER_MODE * len(self.modes), 2.0 * math.pi / 60.0, self.spindle.speed_rpm)
-        for k, applied in enumerate(self.terms):
+        for k, (column, applied) in enumerate(zip(self._term_columns(), self.terms, strict=False)):
             for j, (parameter, value) in enumerate(zip(applied.term.parameters, applied.values, strict=True)):
-                slots[f"term.{k + 1}.{parameter.name}"] = (self._term_column(k) + j, 1.0, value)
+                slots[f"term.{k + 1}.{parameter.name}"] = (column + j, 1.0, value)
         return slots
 
-    def _term_column(self, k: int) -> int:
-        """Column of the first parameter of a term in the kernels' table."""
-        return PER_MODE * len(self.modes) + PER_SPINDLE + MAX_PARAMETERS * k
+    def _term_columns(self) -> list[int]:
+        """Column of the first parameter of each term in the kernels' table, and the width of the table."""
+        start = PER_MODE * len(self.modes) + PER_SPINDLE
+        return list(accumulate((len(applied.term.parameters) for applied in self.terms), initial=start))

@@ -79,8 +79,9 @@ def simulate(
         Rate of the recording. The integration step is a whole fraction of it, set by the fastest mode.
     settle_s : float
         How long to run before the recording starts, with the parameters of its first sample.
-    force : ndarray of float64, shape (duration_s * sample_rate_hz + 1,), optional
-        Measured force per unit mass in u/s^2, for excitation "measured"; interpolated linearly.
+    force : ndarray of float64, shape (n,), optional
+        Measured force per unit mass in u/s^2 at the samples of the recording, for excitation "measured";
+        interpolated linearly.
 
     Returns
     -------
@@ -99,7 +100,7 @@ def simulate(
     steps, start = (samples + settling) * oversampling, settling * oversampling
     rng = np.random.default_rng(seed)
     time_s = np.arange(-start, steps - start + 1, dtype=np.float64) * step_s
-    drive = _drive(system, time_s, step_s, rng, force, samples / sample_rate_hz)
+    drive = _drive(system, time_s, step_s, rng, force, samples, sample_rate_hz)
     history = _history(system, time_s, step_s)
     x, v, a = np.zeros(steps), np.zeros(steps), np.zeros(steps)
     surface = np.zeros((2, history + steps if history else 0))
@@ -125,7 +126,8 @@ def _drive(
     step_s: float,
     rng: np.random.Generator,
     force: NDArray[np.float64] | None,
-    duration_s: float,
+    samples: int,
+    sample_rate_hz: float,
 ) -> NDArray[np.float64]:
     """W at the integration steps."""
     if system.excitation.kind != "measured":
@@ -134,7 +136,9 @@ def _drive(
         return random_force(system, time_s, step_s, rng)
     if force is None:
         raise InputError('excitation is "measured", but no force was given', remedy="Give the recording of the force.")
-    return np.interp(time_s, np.linspace(0.0, duration_s, force.size), force, left=0.0)
+    if force.shape != (samples,):
+        raise InputError("the measured force does not fit the recording", got=force.shape, allowed=f"{(samples,)}")
+    return np.interp(time_s * sample_rate_hz, np.arange(samples), force, left=0.0)
 
 
 def _decimate(fine: NDArray[np.float64], factor: int) -> NDArray[np.float64]:

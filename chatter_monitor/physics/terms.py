@@ -23,7 +23,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
-from chatter_monitor.kernels.forces import MAX_PARAMETERS, compile_force
+from chatter_monitor.kernels.forces import compile_force
 
 Force = Callable[[float, float, float, float, float, float, Sequence[float]], float]
 
@@ -84,7 +84,8 @@ class Term:
     memory_rate : callable, optional
         Rate of change of the internal state z, same arguments; None for terms without memory.
     delayed, periodic : bool
-        Uses ``lagged`` or ``angle``, so the model needs a spindle speed.
+        Uses ``lagged`` or ``angle``, so the model needs a spindle speed. A parameter named "order" is taken for the
+        highest multiple of the spindle frequency in the force.
     chip_thickness : str, optional
         Name of the parameter beyond which x - x(t - tau) means that the tool has left the cut, so that the surface
         stays as the tooth before left it.
@@ -105,10 +106,6 @@ class Term:
     chip_thickness: str | None = None
     smooth: bool = True
     limits_growth: bool = False
-
-    def __post_init__(self) -> None:
-        if len(self.parameters) > MAX_PARAMETERS:
-            raise ValueError(f"term {self.name} has more than {MAX_PARAMETERS} parameters")
 
     @property
     def needs_spindle(self) -> bool:

@@ -13,17 +13,17 @@ W = 2.0 * np.pi * 50.0
 
 def make(modes, terms=(), speed=0.0, teeth=1, chip_thickness=np.inf):
     """An oscillator with `modes` of (w, zeta, g) and `terms` of (name, parameters)."""
-    table = np.zeros((1, 3 * len(modes) + 2 + 4 * len(terms)))
+    columns = np.cumsum([3 * len(modes) + 2, *(len(values) for _, values in terms)])
+    table = np.zeros((1, columns[-1]))
     table[0, : 3 * len(modes)] = np.ravel(modes)
     table[0, 3 * len(modes)] = speed
     table[0, 3 * len(modes) + 1] = chip_thickness
-    for k, (_, values) in enumerate(terms):
-        start = 3 * len(modes) + 2 + 4 * k
-        table[0, start : start + len(values)] = values
+    for column, (_, values) in zip(columns, terms, strict=False):
+        table[0, column : column + len(values)] = values
     entries = [CATALOGUE[name] for name, _ in terms]
     forces = np.array([t.compiled_force.address for t in entries], np.int64)
     rates = np.array([t.compiled_rate.address if t.compiled_rate else 0 for t in entries], np.int64)
-    return oscillator(np.zeros(1), table, len(modes), teeth, forces, rates)
+    return oscillator(np.zeros(1), table, len(modes), teeth, forces, columns[:-1], rates)
 
 
 def run(system, drive, step_s, history=0):
@@ -158,9 +158,9 @@ def test_stretches_continue_bit_identically():
 
 def test_parameters_drift_linearly_between_their_knots():
     """A frequency that rises from 50 to 60 Hz turns the phase by the integral of the frequency."""
-    knots = np.array([0.0, 1.0])
+    knots, none = np.array([0.0, 1.0]), np.zeros(0, np.int64)
     table = np.array([[2 * np.pi * 50.0, 0.0, 1.0, 0.0, np.inf], [2 * np.pi * 60.0, 0.0, 1.0, 0.0, np.inf]])
-    system = oscillator(knots, table, 1, 1, np.zeros(0, np.int64), np.zeros(0, np.int64))
+    system = oscillator(knots, table, 1, 1, none, none, none)
     system.y[0] = 1.0
     x, v, _ = run(system, np.zeros(10002), 1e-4)
     cycles = np.unwrap(np.arctan2(-v / (2 * np.pi * (50.0 + np.linspace(0.0, 10.0, x.size))), x)) / (2.0 * np.pi)
