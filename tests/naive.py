@@ -47,8 +47,10 @@ class NaiveRarma:
         gain = self.covariance @ psi / total
         self.theta = self.theta + gain * error
         self.covariance = (self.covariance - np.outer(gain, gain) * total) / forgetting
-        while self.q and np.any(abs(np.roots([1, *self.theta[: self.q]])) >= forgetting):
-            self.theta[: self.q] *= rarma.CONTRACTION ** np.arange(1, self.q + 1)
+        zeros = np.roots([1, *self.theta[: self.q]])
+        if np.any(abs(zeros) >= forgetting):
+            radius = rarma.CONTRACTION * forgetting
+            self.theta[: self.q] = np.poly(zeros / np.maximum(1, abs(zeros) / radius)).real[1:]
         explained = min(error**2 * forgetting * noise / total, rarma.OUTLIER_SD**2 * variance)
         self.variance = variance + speed * (explained - variance)
         if self.adapted < rarma.SAMPLES_PER_COEFFICIENT * (self.p + self.q):

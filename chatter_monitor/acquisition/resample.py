@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from chatter_monitor.acquisition.faults import block_flags, equal_runs
 from chatter_monitor.acquisition.source import Source
+from chatter_monitor.kernels import conditioning
 from chatter_monitor.records import Block, Flag
 
 # libsoxr's best: aliases and rounding stay 28 bits below full scale, beneath the noise of any 24-bit recording, where
@@ -31,6 +32,44 @@ class _Mark:
     end: int
     flags: NDArray[np.uint8]
     lost: bool = False
+
+
+class _Converter:
+    """Streaming conversion whose output is aligned with the input: sample k is the signal at ``k / to_hz``.
+
+    Where the input has more bandwidth than the output, libsoxr goes to twice the output rate and a half-band filter
+    does the rest, because libsoxr alone would leave the uppermost tenth of the band empty, which upsets a model fitted
+    to it (docs/decisions/0003-the-band-is-full.md).
+    """
+
+    def __init__(self, from_hz: float, to_hz: float, channels: int) -> None:
+        self._halvers = [conditioning.new_half_band() for _ in range(channels)] if from_hz > to_hz else []
+        between_hz = 2 * to_hz if self._halvers else to_hz
+        self._soxr = soxr.ResampleStream(from_hz, between_hz, channels, dtype="float64", quality=_QUALITY)
+        self.reach = _REACH * max(Fraction(1), Fraction(from_hz) / Fraction(between_hz))  # in input samples
+        if self._halvers:
+            self.reach += conditioning.HALF_BAND_DELAY * Fraction(from_hz) / Fraction(between_hz)
+        # The filter's delay is odd. With one zero ahead it is even, and dropping outputs takes it out: that of the zero
+        # and then half the delay.
+        self._delay = conditioning.HALF_BAND_DELAY // 2
+        for state in self._halvers:
+            conditioning.halve(np.zeros(1), state, np.empty(1))
+
+    def push(self, samples: NDArray[np.float64], last: bool = False) -> NDArray[np.float64]:
+        """Take the next input samples, shape (n, channels), and return what has become ready."""
+        converted: NDArray[np.float64] = self._soxr.resample_chunk(samples, last=last)
+        return converted if not self._halvers else self._halve(converted, last)
+
+    def _halve(self, samples: NDArray[np.float64], last: bool) -> NDArray[np.float64]:
+        if last:
+            samples = np.concatenate([samples, np.zeros((conditioning.HALF_BAND_TAPS, samples.shape[1]))])
+        halved = np.empty((len(samples) // 2 + 1, len(self._halvers)), order="F")
+        written = 0
+        for channel, state in enumerate(self._halvers):
+            written = conditioning.halve(np.ascontiguousarray(samples[:, channel]), state, halved[:, channel])
+        dropped = min(self._delay, written)
+        self._delay -= dropped
+        return halved[dropped:written]
 
 
 class Resampled(Source):
@@ -55,7 +94,7 @@ class Resampled(Source):
         self.channels = source.channels
         self._source = source
         self._ratio = Fraction(self.sample_rate_hz) / Fraction(source.sample_rate_hz)
-        self._reach = _REACH * max(Fraction(1), 1 / self._ratio)  # in input samples
+        self._converter = _Converter(source.sample_rate_hz, self.sample_rate_hz, source.channels)
         self.length = None if source.length is None else math.floor(source.length * self._ratio + Fraction(1, 2))
         self._marks: deque[_Mark] = deque()
         self._end = 0  # of the last block given
@@ -65,21 +104,20 @@ class Resampled(Source):
         if self._ratio == 1:
             yield from self._source.blocks()
             return
-        converter = soxr.ResampleStream(
-            self._source.sample_rate_hz, self.sample_rate_hz, self.channels, dtype="float64", quality=_QUALITY
-        )
+        converter = self._converter
         # Output waits here until every input sample that it depends on has been seen, with its flags.
         waiting = np.empty((0, self.channels))
         taken = given = 0
         for piece in self._pieces():
             taken += len(piece)
-            waiting = np.concatenate([waiting, converter.resample_chunk(piece)])
-            settled = max(0, min(len(waiting), math.ceil((taken - self._reach) * self._ratio) - given))
+            waiting = np.concatenate([waiting, converter.push(piece)])
+            settled = max(0, min(len(waiting), math.ceil((taken - self._converter.reach) * self._ratio) - given))
             yield from self._cut(given, waiting[:settled])
             given += settled
             waiting = waiting[settled:]
-        waiting = np.concatenate([waiting, converter.resample_chunk(np.empty((0, self.channels)), last=True)])
-        yield from self._cut(given, waiting)
+        waiting = np.concatenate([waiting, converter.push(np.empty((0, self.channels)), last=True)])
+        total = math.floor(taken * self._ratio + Fraction(1, 2))
+        yield from self._cut(given, waiting[: total - given])
 
     def close(self) -> None:
         """Close the source."""
@@ -103,8 +141,8 @@ class Resampled(Source):
 
     def _mark(self, first: int, end: int, flags: NDArray[np.uint8]) -> None:
         """Mark every output sample that the input samples from `first` up to `end` touch."""
-        out_first = math.ceil((first - self._reach) * self._ratio)
-        out_end = math.floor((end - 1 + self._reach) * self._ratio) + 1
+        out_first = math.ceil((first - self._converter.reach) * self._ratio)
+        out_end = math.floor((end - 1 + self._converter.reach) * self._ratio) + 1
         self._marks.append(_Mark(out_first, out_end, flags))
 
     def _mark_gap(self, first: int, end: int) -> None:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from chatter_monitor.kernels.rarma import OPTIONS
+from chatter_monitor.kernels.options import OPTIONS
 
 TILE = 64
 TAN_EIGHTH = math.sqrt(2.0) - 1.0

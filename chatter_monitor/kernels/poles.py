@@ -12,15 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from chatter_monitor.kernels.rarma import OPTIONS
+from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.polynomial import all_roots
 
 NEWTON_STEPS = 6
 # A Newton step smaller than this leaves an error of its square, far below the coefficients' own noise.
 CONVERGED = 1e-7
 # The factors' sum must reproduce a1 to this accuracy, else two slots hold the same factor.
 CONSISTENT = 1e-6
-ABERTH_STEPS = 200
-ABERTH_CONVERGED = 1e-14
 
 
 class PoleState(NamedTuple):
@@ -84,43 +83,6 @@ def polish(p, a, factors):
         factors[m, 1] = c
         total += b
     return abs(total - a[0]) < CONSISTENT
-
-
-@njit(**OPTIONS)
-def all_roots(p, a, roots):
-    """All roots of z^p + a[0] z^(p-1) + ... + a[p-1] by the Ehrlich-Aberth iteration."""
-    radius = 0.0
-    for i in range(p):
-        radius = max(radius, abs(a[i]) ** (1.0 / (i + 1)))
-    radius = max(radius, 1e-3)
-    for i in range(p):
-        angle = 2.0 * math.pi * (i + 0.35) / p  # off the real axis, and off any symmetry
-        roots[i] = radius * complex(math.cos(angle), math.sin(angle))
-    for _ in range(ABERTH_STEPS):
-        largest = 0.0
-        for i in range(p):
-            z = roots[i]
-            value = complex(1.0, 0.0)
-            slope = complex(0.0, 0.0)
-            for k in range(p):
-                slope = slope * z + value
-                value = value * z + a[k]
-            if value == 0.0:
-                continue
-            repulsion = complex(0.0, 0.0)
-            for k in range(p):
-                if k != i and roots[k] != z:
-                    repulsion += 1.0 / (z - roots[k])
-            denominator = slope - value * repulsion
-            if denominator == 0.0:
-                denominator = complex(1e-300, 0.0)
-            change = value / denominator
-            if abs(change) > radius:
-                change *= radius / abs(change)
-            roots[i] = z - change
-            largest = max(largest, abs(change))
-        if largest < ABERTH_CONVERGED * radius:
-            break
 
 
 @njit(**OPTIONS)

@@ -16,16 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-OPTIONS = {
-    "cache": True,
-    "nogil": True,
-    "error_model": "numpy",
-    # NaN survives these; "reassoc" is left out because vectorised loops over seven numbers are slower than plain ones.
-    "fastmath": {"contract", "nsz"},
-    # No reference counting: kernels only borrow arrays, and the compiler then refuses any that would allocate. Without
-    # it atomic counters take more than half of the time (docs/decisions/0002-kernels-without-reference-counts.md).
-    "_nrt": False,
-}
+from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.polynomial import all_roots, is_minimum_phase, multiply_out
 
 # Innovations beyond this many standard deviations count as outliers: their weight falls with their square.
 OUTLIER_SD = 3.0
@@ -44,8 +36,8 @@ VARIANCE_SPEED = 8.0
 # When the innovation variance exceeds its average over the memory by this factor, the machine is no longer what was
 # learned: the past is trusted less in proportion. Far outside the scatter of the variance itself (12 %).
 SURPRISE = 4.0
-# Step of the contraction that pulls the zeros of C back inside the circle.
-CONTRACTION = 0.99
+# Zeros of C are contracted to this share of the memory's radius, so that the next sample does not push them out again.
+CONTRACTION = 0.999
 # Larger samples overflow when squared and filtered; no sensor means them.
 LARGEST_SAMPLE = 1e100
 # How often the bound on the covariance is checked, in samples.
@@ -73,8 +65,8 @@ class RarmaState(NamedTuple):
 
     ``theta[n]`` = [c, a]; row j of ``u[n, n]`` holds column j of U (unit upper triangular: the first j entries
     count) and ``d[n]`` its D; ``phi`` is the regressor [e(t-1).., -y(t-1)..] and ``psi`` the same filtered by 1/C,
-    both of length q + max(p, q) because the filter reaches back q samples; ``gain[n]`` and ``scratch[n + 1]`` are
-    work space; ``level`` and ``count`` hold scalars at the indices above.
+    both of length q + max(p, q) because the filter reaches back q samples; ``gain[n]``, ``scratch[q + 1]`` and
+    ``zeros[2, q]`` are work space; ``level`` and ``count`` hold scalars at the indices above.
     """
 
     theta: np.ndarray
@@ -84,6 +76,7 @@ class RarmaState(NamedTuple):
     psi: np.ndarray
     gain: np.ndarray
     scratch: np.ndarray
+    zeros: np.ndarray
     level: np.ndarray
     count: np.ndarray
 
@@ -98,7 +91,8 @@ def new_state(p, q):
         phi=np.zeros(q + max(p, q)),
         psi=np.zeros(q + max(p, q)),
         gain=np.zeros(n),
-        scratch=np.zeros(n + 1),
+        scratch=np.zeros(q + 1),
+        zeros=np.zeros((2, q), dtype=np.complex128),
         level=np.zeros(7),
         count=np.zeros(6, dtype=np.int64),
     )
@@ -132,38 +126,20 @@ def udu_update(n, u, d, psi, gain, noise, forgetting):
     return total
 
 
-@njit(forceinline=True, **OPTIONS)
-def is_minimum_phase(q, c, work, radius):
-    """Tell by the Schur-Cohn test whether all zeros of 1 + c[0] z^-1 + ... + c[q-1] z^-q are within `radius`."""
-    work[0] = 1.0
-    scale = 1.0
-    for i in range(q):
-        scale /= radius
-        work[i + 1] = c[i] * scale
-    for m in range(q, 0, -1):
-        first = work[0]
-        last = work[m]
-        if not abs(last) < first:
-            return False
-        # reverse-and-subtract in place, pairs from both ends, without divisions
-        for i in range((m + 1) // 2):
-            low = work[i]
-            high = work[m - i]
-            work[i] = first * low - last * high
-            work[m - i] = first * high - last * low
-        if m % 2 == 0:
-            work[m // 2] *= first - last
-    return True
-
-
 @njit(**OPTIONS)
-def contract(q, c, work, radius):
-    """Pull the zeros of C towards the origin until all are inside the circle of `radius`."""
-    while not is_minimum_phase(q, c, work, radius):
-        shrink = 1.0
-        for i in range(q):
-            shrink *= CONTRACTION
-            c[i] *= shrink
+def contract(q, c, zeros, radius):
+    """Pull those zeros of C that lie outside the circle of `radius` radially onto it, and leave the others alone.
+
+    A common shrinking of all zeros would be simpler, but each time one zero touches the circle it would also pull the
+    others inwards, and with them those that keep a sharp line apart from the noise around it.
+    """
+    roots = zeros[0]
+    all_roots(q, c, roots)
+    for i in range(q):
+        modulus = abs(roots[i])
+        if not modulus < radius:
+            roots[i] *= radius / modulus
+    multiply_out(q, roots, zeros[1], c)
 
 
 @njit(**OPTIONS)
@@ -216,7 +192,7 @@ def step(p, q, sample, state, forgetting, freeze_power):
     bool
         Whether the model adapted; False for frozen.
     """
-    theta, u, d, phi, psi, gain, scratch, level, count = state
+    theta, u, d, phi, psi, gain, scratch, zeros, level, count = state
     n = p + q
     if not abs(sample) < LARGEST_SAMPLE:
         count[MISSING] += 1
@@ -247,7 +223,7 @@ def step(p, q, sample, state, forgetting, freeze_power):
             theta[i] += gain[i] * rate
         if not is_minimum_phase(q, theta, scratch, forgetting):
             count[CONTRACTIONS] += 1
-            contract(q, theta, scratch, forgetting)
+            contract(q, theta, zeros, CONTRACTION * forgetting)
 
         explained = min(error * rate * start, OUTLIER_SD * OUTLIER_SD * variance)
         variance += speed * (explained - variance)

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels import odp, poles, rarma
+from chatter_monitor.kernels.options import OPTIONS
 
 # What a mode's values stand for; the same numbers as `chatter_monitor.records.ModeStatus`.
 OSCILLATORY = 0
@@ -14,11 +15,11 @@ HELD = 2
 STARTING = 3
 
 
-@njit(forceinline=True, **rarma.OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def _track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out):
     frequency, damping, frequency_sd, damping_sd, status = out
-    theta, u, d, _, _, _, _, level, count = recursion
-    coefficients = theta[q:]
+    u, d, level, count = recursion.u, recursion.d, recursion.level, recursion.count
+    coefficients = recursion.theta[q:]
     factors = pole_state.factors
     modes = p // 2
     hertz = rate / (2.0 * math.pi)
@@ -61,13 +62,13 @@ def _track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power,
                 damping_sd[begin + t, m] = tile.damping_sd[m, t]
 
 
-@njit(**rarma.OPTIONS)
+@njit(**OPTIONS)
 def _track_4_3(samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out):
     """`track` with the orders of the paper known to the compiler, which makes it several times faster."""
     _track(4, 3, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out)
 
 
-@njit(**rarma.OPTIONS)
+@njit(**OPTIONS)
 def _track_any(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out):
     """`track` for orders that are known at run time only."""
     _track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out)

@@ -61,7 +61,7 @@ def cut(samples, rate, sizes, *, lost=(), flagged=()):
 def test_output_sample_k_is_the_signal_at_its_time(hear, rate):
     """Sines keep their phase on the file's clock to less than 1e-5 of a sample, and their amplitude to 0.01 dB."""
     n = int(1.5 * rate)
-    frequency_hz = np.array([441.0, 0.45 * min(rate, TARGET)])
+    frequency_hz = np.array([441.0, 0.41 * min(rate, TARGET)])
     signal = Synthetic(
         lambda index: np.sin(2 * np.pi * frequency_hz * index[:, np.newaxis] / rate), rate, channels=2, length=n
     )
@@ -77,14 +77,13 @@ def test_output_sample_k_is_the_signal_at_its_time(hear, rate):
 
 @pytest.mark.parametrize("rate", RATES)
 def test_an_impulse_stays_in_its_place(hear, rate):
-    """The centre of an impulse's response lies at the time of the impulse, and its sum keeps the area."""
+    """The centre of a short pulse's response lies at the time of the pulse, and its sum keeps the area."""
     n, place = int(rate), int(0.37 * rate)
-    samples = np.zeros((n, 1))
-    samples[place] = 1.0
+    samples = np.exp(-(((np.arange(n)[:, np.newaxis] - place) / rate / 0.2e-3) ** 2))
     heard = hear(Resampled(Synthetic.from_array(samples, rate, block_samples=1000)))
     response = heard.samples[:, 0]
     assert abs((response**2) @ heard.index / (response @ response) - place * TARGET / rate) < 0.01
-    assert response.sum() * rate / TARGET == pytest.approx(1.0, abs=1e-6)
+    assert response.sum() * rate / TARGET == pytest.approx(samples.sum(), rel=1e-5)
 
 
 @settings(
@@ -130,12 +129,12 @@ def test_flags_reach_whatever_the_flagged_samples_touch(hear, rate):
     flagged = heard.flags == Flag.CLIPPED
     assert touched[:, 1].sum() > 100
     assert not (touched[:, 1] & ~flagged[:, 1]).any()
-    assert flagged[:, 1].sum() < touched[:, 1].sum() + 100 * max(1.0, TARGET / rate)
+    assert flagged[:, 1].sum() < touched[:, 1].sum() + 150 * max(1.0, TARGET / rate)
     assert not flagged[:, 0].any()
 
 
 def test_flags_reach_exactly_as_far_as_documented(hear):
-    """Wherever a flag goes up, 160 samples of the slower rate before it are flagged, though they come out early."""
+    """Wherever a flag goes up, what soxr (160) and the half-band filter (31) reach before it is flagged as well."""
     rate, channels = 48_000, 64
     goes_up = 4000 + 50 * np.arange(channels)
     blocks = []
@@ -143,7 +142,7 @@ def test_flags_reach_exactly_as_far_as_documented(hear):
         flags = tuple(Flag.CLIPPED if start >= place else Flag.NONE for place in goes_up)
         blocks.append(Block(start, np.zeros((10, channels)), rate, flags=flags))
     flagged = hear(Resampled(Given(blocks))).flags == Flag.CLIPPED
-    first = np.ceil((goes_up - 160 * rate / TARGET) * TARGET / rate).astype(int)
+    first = np.ceil((goes_up - (160 + 31) * rate / (2 * TARGET)) * TARGET / rate).astype(int)
     assert np.array_equal(flagged, np.arange(len(flagged))[:, np.newaxis] >= first)
 
 

@@ -1,0 +1,12 @@
+"""How the kernels of the tracker are compiled."""
+
+OPTIONS = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    # NaN survives these; "reassoc" is left out because vectorised loops over seven numbers are slower than plain ones.
+    "fastmath": {"contract", "nsz"},
+    # No reference counting: kernels only borrow arrays, and the compiler then refuses any that would allocate. Without
+    # it atomic counters take more than half of the time (docs/decisions/0002-kernels-without-reference-counts.md).
+    "_nrt": False,
+}
