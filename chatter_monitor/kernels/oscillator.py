@@ -90,7 +90,7 @@ def _surface_then(surface, now, delay_steps, step_s):
     return position, 6.0 * s * r * (x1 - x0) / step_s + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)  # a call would pass all arrays: four times slower
 def _derivative(system, y, drive, lagged, angle, slope):
     """Right-hand side at one state; returns x, x', x'' of the tool."""
     modes, p = system.modes, system.current

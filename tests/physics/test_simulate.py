@@ -58,7 +58,8 @@ def test_stationary_variances_are_those_of_the_theory():
     expected = math.pi * intensity / (2.0 * mode.damping_ratio * mode.omega)
     tolerance = 4.0 / math.sqrt(mode.damping_ratio * mode.omega * duration)
     assert tolerance < 0.035
-    assert np.var(run.velocity) == pytest.approx(expected, rel=tolerance)
+    beyond = 4.0 * mode.damping_ratio * mode.frequency_hz / (math.pi * RATE / 2.0)  # share of var(v) above the band
+    assert np.var(run.velocity) == pytest.approx((1.0 - beyond) * expected, rel=tolerance)
     assert np.var(run.displacement) == pytest.approx(expected / mode.omega**2, rel=tolerance)
 
 
@@ -88,8 +89,9 @@ def test_density_of_the_energy_is_that_of_equation_11(damping_ratio, share):
         (AppliedTerm(ENERGY_DAMPING, {"coefficient": share * scale}),),
         Excitation(intensity=intensity),
     )
-    run = simulate(system, 120.0, seed=17, settle_s=1.0)
-    spacing = int(0.04 * RATE)  # 20 decay times of the energy of the 5 % mode
+    rate = 2.0 * RATE  # at RATE, 0.8 % of var(v) lies above half the rate
+    run = simulate(system, 120.0, seed=17, sample_rate_hz=rate, settle_s=1.0)
+    spacing = int(0.04 * rate)  # 20 decay times of the energy of the 5 % mode
     energy = 0.5 * (run.velocity**2 + (mode.omega * run.displacement) ** 2)[::spacing]
     grid = np.linspace(0.0, 40.0, 40001)
     potential = 2.0 * damping_ratio * mode.omega * grid + 0.5 * share * scale * grid**2
