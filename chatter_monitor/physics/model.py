@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import accumulate
 
 import numpy as np
@@ -74,8 +74,8 @@ class MachiningSystem:
         return np.full(time_s.shape, otherwise)
 
     def chip_thickness(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Largest x - x(t - tau) at which the tool still cuts; infinite for models without loss of contact."""
-        least = np.full(time_s.shape, np.inf)
+        """Largest x - x(t - tau) with the tool in the cut; the largest number for models without loss of contact."""
+        least = np.full(time_s.shape, np.finfo(np.float64).max)
         for k, applied in enumerate(self.terms, 1):
             name = applied.term.chip_thickness
             if name is not None:
@@ -111,16 +111,23 @@ class MachiningSystem:
             for i, applied in enumerate(self.terms, 1)
         )
         spindle = self.spindle and Spindle(now("spindle.speed_rpm", self.spindle.speed_rpm), self.spindle.teeth)
-        return MachiningSystem(modes, terms, self.excitation, spindle, self.sensor)
+        excitation = replace(self.excitation, intensity=now("excitation.intensity", self.intensity))
+        return MachiningSystem(modes, terms, excitation, spindle, self.sensor)
 
-    def oscillator(self) -> Oscillator:
-        """Hand the equations to the kernels: addresses of the compiled terms and the table of their parameters."""
+    def oscillator(self, zero_s: float = 0.0) -> Oscillator:
+        """Hand the equations to the kernels: addresses of the compiled terms and the table of their parameters.
+
+        Parameters
+        ----------
+        zero_s : float
+            How long after the first step the times of the drifts begin to count.
+        """
         slots, columns = self._slots(), self._term_columns()
-        knots = np.array(sorted({time_s for drift in self.drifts for time_s in drift.time_s} or {0.0}))
+        knots = np.array(sorted({time_s for drift in self.drifts for time_s in drift.time_s} or {0.0})) + zero_s
         table = np.zeros((knots.size, columns[-1]))
         for parameter, (column, scale, value) in slots.items():
-            table[:, column] = scale * self.drifting(parameter, knots, value)
-        table[:, columns[0] - 1] = self.chip_thickness(knots)
+            table[:, column] = scale * self.drifting(parameter, knots - zero_s, value)
+        table[:, columns[0] - 1] = self.chip_thickness(knots - zero_s)
         forces = np.array([applied.term.compiled_force.address for applied in self.terms], dtype=np.int64)
         rates = np.array(
             [rate.address if (rate := applied.term.compiled_rate) else 0 for applied in self.terms], dtype=np.int64

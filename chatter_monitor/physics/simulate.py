@@ -18,8 +18,8 @@ from chatter_monitor.physics.sensor import sense
 from chatter_monitor.physics.truth import Truth, truth_of
 
 STEPS_PER_PERIOD = 40  # of the fastest mode: relative frequency error 5e-6 and false damping 7e-7 from Runge-Kutta
-LEAST_OVERSAMPLING = 4  # keeps eq. (6) within 1 dB of white up to half the output rate
-_TAPS_PER_PHASE = 64  # of the anti-alias filter: flat to 0.45, 90 dB down from 0.55 of the output rate
+LEAST_OVERSAMPLING = 4  # keeps eq. (6) within 0.5 dB of white up to half the output rate
+_REACH = 32  # of the anti-alias filter, in output samples: flat to 0.45, 90 dB down from 0.55 of the output rate
 
 
 @dataclass(frozen=True)
@@ -97,26 +97,24 @@ def simulate(
     samples, settling = round(duration_s * sample_rate_hz), round(settle_s * sample_rate_hz)
     if samples < 1:
         raise InputError("the simulation is too short", got=duration_s, allowed="at least one sample")
-    steps, start = (samples + settling) * oversampling, settling * oversampling
+    steps, start = (settling + samples + _REACH) * oversampling, settling * oversampling
     rng = np.random.default_rng(seed)
     time_s = np.arange(-start, steps - start + 1, dtype=np.float64) * step_s
     drive = _drive(system, time_s, step_s, rng, force, samples, sample_rate_hz)
     history = _history(system, time_s, step_s)
     x, v, a = np.zeros(steps), np.zeros(steps), np.zeros(steps)
     surface = np.zeros((2, history + steps if history else 0))
-    oscillator = system.oscillator()
-    oscillator.knots_s[:] += start * step_s
-    status = integrate(oscillator, drive, step_s, history, surface, x, v, a)
+    status = integrate(system.oscillator(start * step_s), drive, step_s, history, surface, x, v, a)
     if status != OK:
         raise InputError(
             f"the simulated vibration grows without bound and left the range of numbers at {time_s[status]:.3f} s",
             remedy="Limit it by loss_of_contact or energy_damping, or make the cut stable.",
         )
-    motion = (_decimate(fine, oversampling)[settling:] for fine in (x, v, a))
-    displacement, velocity, acceleration = motion
+    recorded = slice(settling, settling + samples)
+    displacement, velocity, acceleration = (_decimate(fine, oversampling)[recorded] for fine in (x, v, a))
     output = sense(system.sensor, displacement, velocity, acceleration, sample_rate_hz, rng)
     left = surface[0, history:] < x if history else np.zeros(steps, dtype=bool)
-    out_of_cut = left[start::oversampling]
+    out_of_cut = left[::oversampling][recorded]
     return Simulation(system, seed, sample_rate_hz, output, displacement, velocity, out_of_cut)
 
 
@@ -143,11 +141,8 @@ def _drive(
 
 def _decimate(fine: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
     """Every so many-th sample after a linear-phase low-pass that delays nothing."""
-    reach = _TAPS_PER_PHASE // 2 * factor
-    taps = signal.firwin(2 * reach + 1, 1.0 / factor, window=("kaiser", 9.0))
-    filtered = signal.upfirdn(taps, np.concatenate((fine, np.zeros(reach))), down=factor)
-    first = reach // factor
-    return np.asarray(filtered[first : first + fine.size // factor], dtype=np.float64)
+    taps = signal.firwin(2 * _REACH * factor + 1, 1.0 / factor, window=("kaiser", 9.0))
+    return np.asarray(signal.upfirdn(taps, fine, down=factor)[_REACH:], dtype=np.float64)
 
 
 def _fastest_hz(system: MachiningSystem) -> float:

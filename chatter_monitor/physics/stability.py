@@ -20,12 +20,13 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from chatter_monitor.physics.model import MachiningSystem
+from chatter_monitor.physics.terms import Force
 
 _PROBE = 1e-12  # displacement at which slopes are taken: within every gap and before every kink
 _NEWTON_STEPS = 30
 _CONVERGED = 1e-9  # relative
 _TRUST = 0.02  # how far, relative, Newton's method may go from where it started
-_RENEWAL = 20
+_RENEWAL = 20  # times between two collocations when roots are followed
 _DEEPEST = 15.0  # roots that decay by more than exp(-15) from one tooth to the next are of no interest
 
 
@@ -50,19 +51,22 @@ def linear_force(system: MachiningSystem) -> LinearForce:
     w = system.modes[0].omega
     stiffness = damping = lag = 0.0
     for term, p in ((applied.term, applied.values) for applied in system.terms if applied.term.smooth):
-
-        def slope(argument: int, function=term.force, p=p) -> float:  # type: ignore[no-untyped-def]
-            up, down = [0.0] * 6, [0.0] * 6
-            up[argument], down[argument] = _PROBE, -_PROBE
-            up[4] = down[4] = w
-            return float((function(*up, p) - function(*down, p)) / (2.0 * _PROBE))
-
-        stiffness += slope(0)
-        damping += slope(1)
-        lag += slope(2)
+        stiffness += _slope(term.force, 0, w, p)
+        damping += _slope(term.force, 1, w, p)
+        lag += _slope(term.force, 2, w, p)
         if term.memory_rate is not None:
-            stiffness += slope(5) * slope(1, term.memory_rate)  # z' = r v, hence z = r x
+            stiffness += _slope(term.force, 3, w, p) * _slope(term.memory_rate, 1, w, p)  # z' = r v, hence z = r x
     return LinearForce(stiffness, damping, lag)
+
+
+def _slope(function: Force, argument: int, w: float, p: Sequence[float]) -> float:
+    """Derivative of a term at rest by the first, second ... of x, v, lagged, memory."""
+
+    def at(value: float) -> float:
+        x, v, lagged, memory = (value if i == argument else 0.0 for i in range(4))
+        return function(x, v, lagged, 0.0, w, memory, p)
+
+    return (at(_PROBE) - at(-_PROBE)) / (2.0 * _PROBE)
 
 
 def characteristic_roots(system: MachiningSystem, near: NDArray[np.complex128] | None = None) -> NDArray[np.complex128]:

@@ -36,6 +36,14 @@ def test_the_same_seed_gives_the_same_recording_and_another_one_does_not():
     assert not np.allclose(first, other)
 
 
+def test_a_longer_recording_begins_with_the_shorter_one():
+    """Where a recording ends has no influence on it, down to its last sample."""
+    system = MachiningSystem((Mode(412.0, 0.02),))
+    shorter, longer = simulate(system, 0.5, 1), simulate(system, 0.6, 1)
+    np.testing.assert_allclose(shorter.displacement, longer.displacement[:6400], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(shorter.velocity, longer.velocity[:6400], rtol=1e-12, atol=1e-9)
+
+
 def test_white_pulses_have_the_spectrum_of_equation_6():
     """Linearly interpolated pulses have S_0 [sin(w dt / 2) / (w dt / 2)]^4, checked to 3 % up to the first zero."""
     step, finer, intensity = 1e-4, 16, 3.0
