@@ -109,12 +109,16 @@ def rightmost_roots_along(system: MachiningSystem, time_s: Sequence[float]) -> t
     """Least stable root at each of many times, parameters frozen there.
 
     The whole set of roots is followed from one time to the next by Newton's method and renewed by collocation now
-    and then, so that none that comes in from the left is missed.
+    and then, so that none that comes in from the left is missed, and whenever one was lost.
     """
     path: list[Root] = []
-    roots: NDArray[np.complex128] | None = None
+    roots = np.zeros(0, dtype=np.complex128)
     for i, when in enumerate(time_s):
-        roots = characteristic_roots(system.at(when), None if i % _RENEWAL == 0 else roots)
+        frozen, known = system.at(when), roots.size
+        if i % _RENEWAL:
+            roots = characteristic_roots(frozen, roots)
+        if i % _RENEWAL == 0 or roots.size < known:
+            roots = characteristic_roots(frozen)
         path.append(_as_root(roots[0]))
     return tuple(path)
 

@@ -252,6 +252,15 @@ def test_drifting_intensity_and_frequency_are_heard():
     assert [round(root.frequency_hz) for root in (run.truth.roots[0], run.truth.roots[-1])] == [400, 600]
 
 
+def test_drifts_count_from_the_start_of_the_recording():
+    """Settling beforehand does not shift the moment at which a parameter changes."""
+    system = MachiningSystem((Mode(400.0, 0.01),), drifts=(Drift("mode.1.frequency_hz", (0.99, 1.01), (400.0, 800.0)),))
+    run = simulate(system, 2.0, seed=3, settle_s=1.5)
+    for part, frequency in ((run.displacement[:12800], 400.0), (run.displacement[13440:], 800.0)):
+        lines, density = signal.welch(part, RATE, nperseg=2048)
+        assert lines[np.argmax(density)] == pytest.approx(frequency, abs=10.0)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
