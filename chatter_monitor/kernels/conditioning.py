@@ -12,7 +12,7 @@ HALF_BAND_DELAY = HALF_BAND_TAPS // 2  # inputs
 RING = 64  # a power of two that holds the taps
 
 
-def half_band():
+def half_band() -> np.ndarray:
     """Linear-phase half-band filter, -6 dB at a quarter of its rate, Kaiser window of 80 dB.
 
     What lies around the new Nyquist frequency folds back at half its amplitude, so that the band after halving is full
@@ -36,7 +36,7 @@ class HalfBandState(NamedTuple):
     position: np.ndarray
 
 
-def new_half_band():
+def new_half_band() -> HalfBandState:
     """Fresh state: silence before the first sample, which makes the first output."""
     return HalfBandState(half_band(), np.zeros(RING), np.zeros(1, dtype=np.int64))
 

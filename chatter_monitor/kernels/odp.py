@@ -39,7 +39,7 @@ class Tile(NamedTuple):
     row: np.ndarray
 
 
-def new_tile(p):
+def new_tile(p: int) -> Tile:
     """Allocate a tile for A of even degree p."""
     modes = p // 2
     return Tile(

@@ -32,7 +32,7 @@ class PoleState(NamedTuple):
     known: np.ndarray
 
 
-def new_state(p):
+def new_state(p: int) -> PoleState:
     """Fresh state for a polynomial of even degree p: no factor known yet."""
     modes = p // 2
     return PoleState(

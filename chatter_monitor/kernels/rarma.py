@@ -81,7 +81,7 @@ class RarmaState(NamedTuple):
     count: np.ndarray
 
 
-def new_state(p, q):
+def new_state(p: int, q: int) -> RarmaState:
     """Fresh state of a RARMA(p, q) recursion."""
     n = p + q
     return RarmaState(

@@ -74,7 +74,18 @@ def _track_any(p, q, samples, recursion, pole_state, tile, forgetting, freeze_po
     _track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out)
 
 
-def track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out):
+def track(
+    p: int,
+    q: int,
+    samples: np.ndarray,
+    recursion: rarma.RarmaState,
+    pole_state: poles.PoleState,
+    tile: odp.Tile,
+    forgetting: float,
+    freeze_power: float,
+    rate: float,
+    out: tuple[np.ndarray, ...],
+) -> None:
     """Run the recursion over a stretch of samples and fill in the ODPs of every one of them.
 
     Parameters

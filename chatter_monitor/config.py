@@ -1,0 +1,124 @@
+"""Machine configuration: TOML files to frozen settings, unknown keys refused.
+
+Each component owns its settings class with its defaults; here they are only put together.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+
+from chatter_monitor.acquisition.settings import InputSettings
+from chatter_monitor.errors import InputError
+from chatter_monitor.outlets.publisher import PublishSettings
+from chatter_monitor.tracking.tracker import TrackerSettings
+from chatter_monitor.verdict.evidence import SpindleSettings
+from chatter_monitor.verdict.judge import JudgeSettings
+
+
+class MachineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The table ``[machine]``.
+
+    Attributes
+    ----------
+    name : str
+        Name that messages and tables carry.
+    """
+
+    name: Annotated[str, msgspec.Meta(min_length=1, max_length=100)] = "machine"
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """All tables of a machine configuration; every table and key may be left out."""
+
+    machine: MachineSettings = MachineSettings()
+    input: InputSettings = InputSettings()
+    spindle: SpindleSettings = SpindleSettings()
+    tracker: TrackerSettings = TrackerSettings()
+    verdict: JudgeSettings = JudgeSettings()
+    publish: PublishSettings = PublishSettings()
+
+
+def load(paths: Sequence[Path], overrides: dict[str, dict[str, Any]] | None = None) -> Settings:
+    """Read configuration files, later ones winning key by key.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        TOML files; none for the defaults.
+    overrides : dict, optional
+        Tables that win over all files, such as command-line options.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, is not TOML, has an unknown table or key, or a value that is not allowed.
+    """
+    merged: dict[str, dict[str, Any]] = {}
+    for path in paths:
+        tables = _read(path)
+        _refuse_unknown(path, tables)
+        _convert(f"the configuration {str(path)!r}", tables)
+        _merge(merged, tables)
+    _merge(merged, overrides or {})
+    return _convert("the settings", merged)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        what = f"the configuration cannot be read: {error.strerror}"
+        raise InputError(what, got=str(path), remedy="Check the path.") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"the configuration is not TOML: {error}", got=str(path)) from error
+
+
+def _merge(into: dict[str, dict[str, Any]], tables: dict[str, dict[str, Any]]) -> None:
+    for name, table in tables.items():
+        into.setdefault(name, {}).update(table)
+
+
+def _refuse_unknown(path: Path, tables: dict[str, Any]) -> None:
+    known_tables = {field.name: field.type for field in msgspec.structs.fields(Settings)}
+    for name, table in tables.items():
+        if name not in known_tables:
+            raise _unknown(path, f"[{name}]", name, list(known_tables))
+        if not isinstance(table, dict):
+            raise InputError(f"{name!r} in the configuration {str(path)!r} is a table", got=table, allowed=f"[{name}]")
+        keys = _keys(known_tables[name])
+        for key in table:
+            if key not in keys:
+                raise _unknown(path, f"[{name}] {key}", key, keys)
+
+
+def _keys(settings: type) -> list[str]:
+    info = msgspec.inspect.type_info(settings)
+    if not isinstance(info, msgspec.inspect.StructType | msgspec.inspect.DataclassType):
+        raise TypeError(settings)
+    return [field.name for field in info.fields]
+
+
+def _unknown(path: Path, what: str, name: str, known: list[str]) -> InputError:
+    nearest = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    return InputError(
+        f"unknown key {what} in the configuration {str(path)!r}",
+        allowed=", ".join(known),
+        remedy=f"Did you mean {nearest[0]!r}?" if nearest else None,
+    )
+
+
+def _convert(what: str, tables: dict[str, dict[str, Any]]) -> Settings:
+    try:
+        return msgspec.convert(tables, Settings)
+    except msgspec.ValidationError as error:
+        message, _, where = str(error).partition(" - at `$.")
+        table, _, key = where.rstrip("`").partition(".")
+        got = tables.get(table, {}).get(key.split("[")[0]) if key else tables.get(table)
+        place = f"[{table}] {key}".strip() if table else "a table"
+        raise InputError(f"{place} in {what} is not allowed", got=got, allowed=message) from error

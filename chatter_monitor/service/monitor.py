@@ -1,0 +1,168 @@
+"""The wiring: blocks of a source through trackers and judges to the outlets, in one thread."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from chatter_monitor.acquisition.source import Source
+from chatter_monitor.config import Settings
+from chatter_monitor.outlets.outlet import Outlet
+from chatter_monitor.records import Event, Flag, Health, Mode, ModeStatus, Odp, OdpFrame, Verdict
+from chatter_monitor.tracking.tracker import INTERVAL_S, Tracker
+from chatter_monitor.verdict.evidence import weigh
+from chatter_monitor.verdict.judge import EventLog, Judge
+
+
+class SampleCounts(Protocol):
+    """What an input has counted so far, over all channels."""
+
+    @property
+    def clipped_samples(self) -> int: ...  # noqa: D102
+
+    @property
+    def non_finite_samples(self) -> int: ...  # noqa: D102
+
+
+@dataclass
+class Tally:
+    """What went through, for health messages and the summary."""
+
+    samples: int = 0
+    lost: int = 0
+    overflows: int = 0
+    latencies_s: list[float] = field(default_factory=list)
+
+
+def odp_message(frame: OdpFrame) -> Odp:
+    """Summary of a frame: its last sample."""
+    modes = []
+    for slot in range(frame.status.shape[1]):
+        frequency, damping, sd = (
+            float(column[-1, slot]) for column in (frame.frequency_hz, frame.damping_ratio, frame.damping_sd)
+        )
+        share = float(frame.share[slot])
+        if frame.status[-1, slot] in (ModeStatus.OSCILLATORY, ModeStatus.HELD) and math.isfinite(frequency):
+            modes.append(Mode(frequency, damping, (damping - 1.96 * sd, damping + 1.96 * sd), share))
+        else:
+            modes.append(Mode(None, None, None, share))
+    return Odp(channel=frame.channel, t=(frame.first_sample + len(frame) - 1) / frame.sample_rate_hz, modes=modes)
+
+
+class Monitor:
+    """Everything between a source and the outlets. One thread owns it and them.
+
+    Parameters
+    ----------
+    settings : Settings
+        The machine configuration.
+    source : Source
+        Blocks at the tracker's rate.
+    outlets : sequence of Outlet
+        Who takes the results.
+    counts : SampleCounts
+        Where clipped and non-finite samples are counted.
+    source_rate_hz : float
+        Rate at which the signal was sampled before it was converted.
+    session : str
+        Start of the events' names.
+    clock : callable
+        Seconds on a steady clock, for latencies.
+    dropped : callable
+        Publications dropped so far.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        source: Source,
+        outlets: Sequence[Outlet],
+        *,
+        counts: SampleCounts,
+        source_rate_hz: float,
+        session: str,
+        clock: Callable[[], float],
+        dropped: Callable[[], int] = lambda: 0,
+    ) -> None:
+        self._source = source
+        self._outlets = outlets
+        self._counts = counts
+        self._clock = clock
+        self._dropped = dropped
+        self._trackers = [Tracker(settings.tracker, c, source_rate_hz) for c in range(source.channels)]
+        self._judges = [
+            Judge(settings.verdict, settings.spindle, c, interval_s=INTERVAL_S) for c in range(source.channels)
+        ]
+        self._events = EventLog(session)
+        self._tally = Tally()
+
+    def run(self) -> Iterator[int]:
+        """Work through the source; yields the number of samples done after each block.
+
+        Outlets are closed by whoever opened them.
+        """
+        end = 0
+        health_due = self._source.sample_rate_hz
+        for block in self._source.blocks():
+            began = self._clock()
+            end = block.first_sample + len(block.samples)
+            self._tally.samples += len(block.samples)
+            self._tally.lost += block.lost
+            for channel, tracker in enumerate(self._trackers):
+                flags = block.channel_flags(channel)
+                self._tally.overflows += bool(flags & Flag.OVERFLOW)
+                for frame in tracker.process(block.first_sample, block.samples[:, channel], flags):
+                    self._deliver(frame)
+            self._tally.latencies_s.append(self._clock() - began)
+            while end >= health_due:
+                self._send(self._health(health_due / self._source.sample_rate_hz, finished=False))
+                health_due += self._source.sample_rate_hz
+            yield end
+        for tracker in self._trackers:
+            for frame in tracker.finish():
+                self._deliver(frame)
+        for channel in range(len(self._trackers)):
+            event = self._events.finish(channel)
+            if event is not None:
+                self._send(event)
+        self._send(self._health(end / self._source.sample_rate_hz, finished=True))
+
+    def _deliver(self, frame: OdpFrame) -> None:
+        verdict = self._judges[frame.channel].verdict(
+            weigh(frame), frame.first_sample, len(frame), frame.sample_rate_hz
+        )
+        odp = odp_message(frame)
+        for outlet in self._outlets:
+            outlet.frame(frame, odp)
+        self._send(verdict)
+        event = self._events.follow(verdict)
+        if event is not None:
+            self._send(event)
+
+    def _send(self, message: Verdict | Event | Health) -> None:
+        for outlet in self._outlets:
+            outlet.message(message)
+
+    def _health(self, t: float, *, finished: bool) -> Health:
+        tally = self._tally
+        latencies_ms = 1000.0 * np.array(tally.latencies_s) if tally.latencies_s else None
+        tally.latencies_s = []
+        reasons = [f"{tally.lost} samples lost"] if tally.lost else []
+        return Health(
+            t=t,
+            state="finished" if finished else "hearing",
+            samples_in=tally.samples,
+            lost=tally.lost,
+            overflows=tally.overflows,
+            clipped=self._counts.clipped_samples,
+            non_finite=self._counts.non_finite_samples,
+            publications_dropped=self._dropped(),
+            ring_fill=0.0,
+            latency_ms_p50=None if latencies_ms is None else float(np.percentile(latencies_ms, 50)),
+            latency_ms_p99=None if latencies_ms is None else float(np.percentile(latencies_ms, 99)),
+            reasons=reasons,
+        )

@@ -1,0 +1,147 @@
+"""The main job on a recording: open it, send it through the monitor, show what happened."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from chatter_monitor.acquisition.pace import Paced
+from chatter_monitor.acquisition.recording import Recording
+from chatter_monitor.acquisition.resample import Resampled
+from chatter_monitor.acquisition.source import Source
+from chatter_monitor.config import Settings
+from chatter_monitor.kernels import is_compiled
+from chatter_monitor.outlets.json_lines import JsonLines
+from chatter_monitor.outlets.odp_table import OdpTable
+from chatter_monitor.outlets.outlet import Outlet
+from chatter_monitor.outlets.publisher import Clock, Publisher
+from chatter_monitor.outlets.timeline import Timeline
+from chatter_monitor.service.monitor import Monitor
+
+# At real time short enough for a verdict to follow its interval at once; at full speed long enough to waste nothing
+# between blocks.
+REAL_BLOCK_SAMPLES = 256
+FAST_BLOCK_SAMPLES = 32768
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What to replay and where the results go.
+
+    Attributes
+    ----------
+    file : Path
+        The recording.
+    settings : Settings
+        The machine configuration.
+    real_time : bool
+        At the pace of the recording instead of as fast as possible.
+    publish : bool
+        Over ZeroMQ as well.
+    wait_subscriber_s : float
+        How long to wait for a first subscriber before starting.
+    jsonl, odp_table : Path or None
+        Files to write.
+    """
+
+    file: Path
+    settings: Settings
+    real_time: bool = False
+    publish: bool = False
+    wait_subscriber_s: float = 0.0
+    jsonl: Path | None = None
+    odp_table: Path | None = None
+
+    def run(self, *, as_json: bool = False) -> None:
+        """Replay, then print the timeline (or a JSON summary) on standard output.
+
+        Raises
+        ------
+        InputError
+            If the recording or an output file cannot be used.
+        EnvironmentFault
+            If the port to publish on is taken or the disk is full.
+        """
+        settings = self.settings
+        rate_hz = settings.tracker.sample_rate_hz
+        with ExitStack() as stack:
+            recording = stack.enter_context(self._recording())
+            source: Source = Resampled(recording, rate_hz)
+            if self.real_time:
+                source = Paced(source, time.monotonic, time.sleep)
+            timeline = Timeline(source.channels)
+            outlets: list[Outlet] = [timeline]
+            if self.jsonl is not None:
+                outlets.append(stack.enter_context(JsonLines(self.jsonl)))
+            if self.odp_table is not None:
+                modes, machine = settings.tracker.modes, settings.machine.name
+                table = OdpTable(self.odp_table, modes=modes, sample_rate_hz=rate_hz, machine=machine)
+                outlets.append(stack.enter_context(table))
+            publisher = stack.enter_context(self._publisher()) if self.publish else None
+            if publisher is not None:
+                outlets.append(publisher)
+                publisher.wait_for_subscriber(self.wait_subscriber_s)
+            monitor = Monitor(
+                settings,
+                source,
+                outlets,
+                counts=recording,
+                source_rate_hz=recording.sample_rate_hz,
+                session=self.file.stem,
+                clock=time.perf_counter,
+                dropped=lambda: 0 if publisher is None else publisher.dropped,
+            )
+            with _progress(source.length) as advance:
+                for done in monitor.run():
+                    advance(done)
+        summary = timeline.summary(self.file, recording.missing_samples)
+        if as_json:
+            sys.stdout.write(msgspec.json.encode(summary).decode() + "\n")
+        else:
+            timeline.show(Console(), summary)
+
+    def _recording(self) -> Recording:
+        selected = self.settings.input
+        return Recording(
+            self.file,
+            channels=selected.channels,
+            full_scale_per_unit=selected.full_scale_per_unit,
+            block_samples=REAL_BLOCK_SAMPLES if self.real_time else FAST_BLOCK_SAMPLES,
+        )
+
+    def _publisher(self) -> Publisher:
+        clock = Clock(self.settings.tracker.sample_rate_hz, datetime.now(UTC))
+        return Publisher(self.settings.publish, clock=clock, machine=self.settings.machine.name)
+
+
+class _Advance:
+    """Moves a progress bar to a sample."""
+
+    def __init__(self, progress: Progress, total: int | None) -> None:
+        self._progress = progress
+        self._task = progress.add_task("replay", total=total)
+
+    def __call__(self, done: int) -> None:
+        self._progress.update(self._task, completed=done)
+
+
+@contextmanager
+def _progress(total: int | None) -> Iterator[_Advance]:
+    """Progress on standard error, only where a person looks at it; says so when kernels must be compiled first."""
+    console = Console(stderr=True)
+    if not is_compiled():
+        console.print("Compiling the kernels for this machine; this happens once and takes about half a minute.")
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+    with Progress(
+        *columns, TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal
+    ) as p:
+        yield _Advance(p, total)

@@ -1,0 +1,198 @@
+"""One channel's tracker: samples in, frames of operational dynamic parameters out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.kernels import conditioning, odp, poles, rarma, track
+from chatter_monitor.kernels.share import modal_shares
+from chatter_monitor.records import Flag, ModeStatus, OdpFrame
+
+# One frame is one verdict interval: long enough for a stable median, short enough for an alarm in time.
+INTERVAL_S = 0.05
+
+Order = Annotated[int, msgspec.Meta(ge=0)]
+
+
+class TrackerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How the model is fitted: the table ``[tracker]`` of a machine configuration.
+
+    Attributes
+    ----------
+    orders : (int, int)
+        Orders of A and C. (4, 3) is the paper's choice: two modes, and zeros for what is between them.
+    memory_ms : float
+        Time constant of the exponential forgetting. The effective window is twice as long.
+    sample_rate_hz : float
+        Rate at which the tracker runs; inputs are converted to it.
+    high_pass_hz : float
+        Corner below which the signal is offset and drift, not vibration. A first-order high-pass costs C one zero and
+        frees a pair of poles that would otherwise be spent on the offset.
+    """
+
+    orders: tuple[Order, Order] = (4, 3)
+    memory_ms: Annotated[float, msgspec.Meta(gt=0)] = 80.0
+    sample_rate_hz: Annotated[float, msgspec.Meta(gt=0)] = 12800.0
+    high_pass_hz: Annotated[float, msgspec.Meta(ge=0)] = 20.0
+
+    def __post_init__(self) -> None:
+        p, q = self.orders
+        if p % 2 or not 2 <= p <= 8 or q > 6:
+            msg = f"orders must be [2, 4, 6 or 8, 0 to 6], got {list(self.orders)}"
+            raise ValueError(msg)
+        if self.memory_ms * 1e-3 * self.sample_rate_hz < 10 * (p + q):
+            msg = f"memory_ms must hold at least ten samples for each of the {p + q} coefficients, got {self.memory_ms}"
+            raise ValueError(msg)
+
+    @property
+    def modes(self) -> int:
+        """Mode slots of each frame."""
+        return self.orders[0] // 2
+
+
+class Tracker:
+    """Recursive identification of one channel (paper, section 5.1).
+
+    Frames lie on a fixed grid of `INTERVAL_S` on the sample index, whatever blocks the samples come in; their contents
+    do not depend on the blocks either. Lost samples appear in the frames as held values under their flags.
+
+    Parameters
+    ----------
+    settings : TrackerSettings
+        Orders, memory, rate.
+    channel : int
+        Number that the frames carry.
+    source_rate_hz : float, optional
+        Rate at which the signal was sampled first. Where it is lower than the tracker's, the upper part of the band is
+        empty, and the model is fitted to a decimated signal; its values are then held in between.
+    """
+
+    def __init__(self, settings: TrackerSettings, channel: int = 0, source_rate_hz: float | None = None) -> None:
+        self._settings = settings
+        self._channel = channel
+        rate = settings.sample_rate_hz
+        self._interval = round(INTERVAL_S * rate)
+        self._halvers = []
+        while source_rate_hz is not None and rate > source_rate_hz:
+            self._halvers.append(conditioning.new_half_band())
+            rate /= 2
+        self._rate_hz = rate
+        p, q = settings.orders
+        self._recursion = rarma.new_state(p, q)
+        self._poles = poles.new_state(p)
+        self._tile = odp.new_tile(p)
+        self._forgetting = 1.0 - 1.0 / (settings.memory_ms * 1e-3 * rate)
+        self._high_pass = np.zeros(2)
+        self._shares = np.zeros(settings.modes)
+        self._next_sample = 0
+        self._rows = self._new_rows(0)
+        self._last = self._new_rows(1)
+        self._sum_squares = 0.0
+        self._heard = 0
+        self._lost = 0
+        self._flags = Flag.NONE
+
+    def process(self, first_sample: int, samples: NDArray[np.float64], flags: Flag = Flag.NONE) -> Iterator[OdpFrame]:
+        """Take samples and yield the frames that they complete.
+
+        Parameters
+        ----------
+        first_sample : int
+            Index of the first one, not below that of the last one taken; what is skipped counts as lost.
+        samples : ndarray of float64, shape (n,)
+            The signal.
+        flags : Flag
+            What is wrong with these samples.
+        """
+        for missing in self._chunks(first_sample - self._next_sample):
+            yield from self._take(np.full(missing, np.nan), Flag.GAP, lost=missing)
+        if flags & Flag.NON_FINITE:
+            samples = np.full(len(samples), np.nan)  # they are placeholders, not measurements
+        yield from self._take(samples, flags)
+
+    def finish(self) -> Iterator[OdpFrame]:
+        """Yield what remains as a last, shorter frame."""
+        if len(self._rows[0]):
+            yield self._frame()
+
+    def _chunks(self, samples: int) -> Iterator[int]:
+        while samples > 0:
+            yield min(samples, self._interval)
+            samples -= self._interval
+
+    def _take(self, samples: NDArray[np.float64], flags: Flag, lost: int = 0) -> Iterator[OdpFrame]:
+        begin = 0
+        while begin < len(samples):
+            room = self._interval - len(self._rows[0])
+            piece = samples[begin : begin + room]
+            rows = self._track(piece)
+            self._rows = [np.concatenate(pair) for pair in zip(self._rows, rows, strict=True)]
+            self._flags |= flags
+            self._lost += min(lost, len(piece))
+            lost -= min(lost, len(piece))
+            self._next_sample += len(piece)
+            begin += len(piece)
+            if len(self._rows[0]) == self._interval:
+                yield self._frame()
+
+    def _track(self, samples: NDArray[np.float64]) -> list[NDArray[np.float32]]:
+        """ODPs of consecutive samples, one row each."""
+        corner = 2 * np.pi * self._settings.high_pass_hz / self._settings.sample_rate_hz
+        signal = np.empty(len(samples))
+        conditioning.high_pass(np.ascontiguousarray(samples), corner, self._high_pass, signal)
+        measured = signal[np.isfinite(signal)]
+        self._sum_squares += float(measured @ measured)
+        self._heard += len(measured)
+        position = self._next_sample
+        for halver in self._halvers:
+            halved = np.empty(len(signal) // 2 + 1)
+            signal = halved[: conditioning.halve(signal, halver, halved)]
+        p, q = self._settings.orders
+        out = self._new_rows(len(signal))
+        track.track(
+            p, q, signal, self._recursion, self._poles, self._tile, self._forgetting, 0.0, self._rate_hz, tuple(out)
+        )
+        if not self._halvers:
+            return out
+        held = [np.concatenate(pair) for pair in zip(self._last, out, strict=True)]
+        self._last = [column[-1:] for column in held]
+        decimation = 2 ** len(self._halvers)
+        made_before = -(-position // decimation)  # the first of each group of input samples makes an output
+        made = (position + np.arange(len(samples))) // decimation + 1
+        return [column[made - made_before] for column in held]
+
+    def _frame(self) -> OdpFrame:
+        frequency, damping, frequency_sd, damping_sd, status = self._rows
+        p, q = self._settings.orders
+        if self._poles.known[0]:
+            modal_shares(p, q, self._recursion.theta, self._poles.factors, self._poles.roots, self._shares)
+        frame = OdpFrame(
+            channel=self._channel,
+            first_sample=self._next_sample - len(frequency),
+            sample_rate_hz=self._settings.sample_rate_hz,
+            frequency_hz=frequency,
+            damping_ratio=damping,
+            frequency_sd_hz=frequency_sd,
+            damping_sd=damping_sd,
+            status=status.astype(np.uint8, copy=False),
+            share=self._shares.copy(),
+            rms=(self._sum_squares / self._heard) ** 0.5 if self._heard else 0.0,
+            lost=self._lost,
+            flags=self._flags,
+        )
+        self._rows = self._new_rows(0)
+        self._sum_squares = 0.0
+        self._heard = self._lost = 0
+        self._flags = Flag.NONE
+        return frame
+
+    def _new_rows(self, n: int) -> list[NDArray[np.float32]]:
+        """Frequency, damping, their standard deviations, and status, n rows each: nothing known yet."""
+        values = [np.full((n, self._settings.modes), np.nan, dtype=np.float32) for _ in range(4)]
+        status = np.full((n, self._settings.modes), ModeStatus.STARTING, dtype=np.uint8)
+        return [*values, status]  # type: ignore[list-item]

@@ -1,0 +1,102 @@
+"""Numbers of one verdict interval that a verdict is made from; no decision yet."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from chatter_monitor.records import Flag, ModeStatus, OdpFrame
+
+# A mode is looked at when it carries at least this share of the signal's power: the poles of a fit to little more than
+# noise wander anywhere, zero damping included.
+SIGNIFICANT_SHARE = 0.05
+
+
+class SpindleSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What turns: the table ``[spindle]`` of a machine configuration.
+
+    Attributes
+    ----------
+    speed_rpm : float or None
+        Spindle speed; None where nobody knows.
+    teeth : int
+        Cutting edges that pass in one revolution; 1 for turning.
+    """
+
+    speed_rpm: Annotated[float, msgspec.Meta(gt=0)] | None = None
+    teeth: Annotated[int, msgspec.Meta(ge=1)] = 1
+
+
+@dataclass(frozen=True, slots=True)
+class ModeEvidence:
+    """One mode over one interval: medians over its samples, with the median of their standard deviations."""
+
+    frequency_hz: float
+    damping_ratio: float
+    damping_sd: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What one interval says.
+
+    Attributes
+    ----------
+    critical : ModeEvidence or None
+        The least damped of the modes that carry a significant share of the power.
+    held : bool
+        No sample of the interval could be adapted to: nothing moves.
+    starting : bool
+        The tracker knows too little yet, at the start or after a gap.
+    rms : float
+        Of the signal without its offset.
+    flags : Flag
+        What is wrong with the samples.
+    """
+
+    critical: ModeEvidence | None
+    held: bool
+    starting: bool
+    rms: float
+    flags: Flag
+
+
+def mode_evidence(frame: OdpFrame, mode: int) -> ModeEvidence | None:
+    """Summary of one mode slot; None where it had no frequency for half of the interval or longer."""
+    good = frame.status[:, mode] == ModeStatus.OSCILLATORY
+    if 2 * np.count_nonzero(good) <= len(frame):
+        return None
+    frequency, damping, damping_sd = (
+        float(np.median(column[good, mode])) for column in (frame.frequency_hz, frame.damping_ratio, frame.damping_sd)
+    )
+    return ModeEvidence(frequency, damping, damping_sd, float(frame.share[mode]))
+
+
+def weigh(frame: OdpFrame) -> Evidence:
+    """Reduce the samples of a frame to evidence."""
+    modes = [mode_evidence(frame, mode) for mode in range(frame.status.shape[1])]
+    significant = [mode for mode in modes if mode is not None and mode.share >= SIGNIFICANT_SHARE]
+    return Evidence(
+        critical=min(significant, key=lambda mode: mode.damping_ratio, default=None),
+        held=bool(np.all(frame.status == ModeStatus.HELD)),
+        starting=bool(np.any(frame.status == ModeStatus.STARTING)),
+        rms=frame.rms,
+        flags=frame.flags,
+    )
+
+
+def probability_below(mode: ModeEvidence, damping_ratio: float) -> float:
+    """Probability that the mode's damping is below a value, its estimate being normally distributed."""
+    if not mode.damping_sd < math.inf:
+        return 0.5
+    return 0.5 * math.erfc((mode.damping_ratio - damping_ratio) / (math.sqrt(2.0) * max(mode.damping_sd, 1e-9)))
+
+
+def spindle_order(frequency_hz: float, spindle: SpindleSettings) -> float | None:
+    """Frequency in multiples of the spindle's, None where its speed is unknown."""
+    return None if spindle.speed_rpm is None else frequency_hz * 60.0 / spindle.speed_rpm
