@@ -26,7 +26,7 @@ _PROBE = 1e-12  # displacement at which slopes are taken: within every gap and b
 _NEWTON_STEPS = 30
 _CONVERGED = 1e-9  # relative
 _TRUST = 0.02  # how far, relative, Newton's method may go from where it started
-_RENEWAL = 20  # times between two collocations when roots are followed
+_RENEWAL = 100  # times between two collocations when roots are followed
 _DEEPEST = 15.0  # roots that decay by more than exp(-15) from one tooth to the next are of no interest
 
 
