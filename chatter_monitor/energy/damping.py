@@ -29,7 +29,7 @@ class Damping:
     energy : ndarray
         Energies of the curves, over the zones used.
     potential, potential_low, potential_high : ndarray
-        H(E) / (pi S0), eq. (13), with pointwise 95 % band.
+        H(E) / (pi S0), eq. (13), with pointwise 95 % band of its rise from the lowest point.
     shell_energy, shell_potential : ndarray
         -ln(p / C) of single shells, before any fit.
     powers : tuple of int
@@ -143,7 +143,9 @@ def estimate_damping(
         h[picked] = fitted.value(grid)
     well = _by_model(fits, chosen, grid, integral=True)
     factor = blocks.interval_factor(count)
-    wide = {name: factor * np.std(sample[1:], axis=0) for name, sample in (("h", h), ("well", well), ("d", d))}
+    bottom = int(np.argmin(well[0]))  # where the potential is known best: its zero at E = 0 may be far from any sample
+    from_bottom = well - well[:, bottom : bottom + 1]
+    wide = {name: factor * np.std(sample[1:], axis=0) for name, sample in (("h", h), ("well", from_bottom), ("d", d))}
     mean_energy = float(np.mean(energy))
     frequency = 2.0 * np.pi / float(potential.period(np.array([mean_energy]))[0])
     lost = np.sum(np.where(weight > 0.0, weight * corrected, 0.0), axis=1)

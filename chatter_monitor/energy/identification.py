@@ -21,7 +21,8 @@ from chatter_monitor.errors import InputError
 FEWEST_PERIODS = 100
 SHORT = 50.0  # independent samples below which a damping is known to worse than about 30 %
 NOISY = 0.02  # share of noise in the kinetic energy that biases h and S0 as much
-DISAGREE = 4.0
+DISAGREE = 4.0  # mean square of normalised differences, 1 expected
+BENT = 0.002  # second-order error of U, (pi zeta)^2 / 2, that is worth a word
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,6 +145,12 @@ def _checked(
 
 def _warnings(band: Band, stiffness: Stiffness, damping: Damping, excitation: Excitation) -> tuple[str, ...]:
     found = []
+    quarter = 0.5 * (np.pi * damping.damping_ratio) ** 2
+    if quarter > BENT:
+        found.append(
+            f"damping is {100 * damping.damping_ratio:.1f} %: within a quarter period the energy changes so much that "
+            f"U(x) is bent by up to {100 * quarter:.1f} %, which matters for a k3 of that size"
+        )
     if damping.independent_samples < SHORT:
         found.append(
             f"record too short: worth {damping.independent_samples:.0f} independent samples of the energy, so damping "

@@ -17,7 +17,7 @@ from scipy import fft
 from chatter_monitor.energy.band import DERIVATIVES, Band, Quantity
 
 SAMPLES_PER_PERIOD = 32
-EDGE = 0.2  # width of the band's edges relative to their distance from the peak
+EDGE = 0.2  # width of the band's edges relative to their distance from the peak, in octaves
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,13 +60,15 @@ def motion(signal: NDArray[np.float64], rate_hz: float, quantity: Quantity, band
     x = fft.irfft(displacement, resampled) * scale
     v = fft.irfft(displacement * iw, resampled) * scale
     rate = rate_hz * scale
-    margin = int(np.ceil(1.5 / (EDGE * min(band.peak_hz - band.low_hz, band.high_hz - band.peak_hz)) * rate))
+    narrowest = band.low_hz * ((band.peak_hz / band.low_hz) ** EDGE - 1.0)
+    margin = int(np.ceil(1.5 / narrowest * rate))
     kept = slice(margin, int(signal.size * scale) - margin)
     return Motion(x[kept], v[kept], rate)
 
 
 def gain(frequency: NDArray[np.float64], band: Band) -> NDArray[np.float64]:
     """What is kept of the amplitude at each frequency: 1 inside the band, raised-cosine edges, 0 outside."""
-    low = (frequency - band.low_hz) / (EDGE * (band.peak_hz - band.low_hz))
-    high = (band.high_hz - frequency) / (EDGE * (band.high_hz - band.peak_hz))
-    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.clip(np.minimum(low, high), 0.0, 1.0)))
+    octaves = np.log(np.maximum(frequency, 1e-9 * band.peak_hz) / band.peak_hz)
+    low = 1.0 - octaves / np.log(band.low_hz / band.peak_hz)
+    high = 1.0 - octaves / np.log(band.high_hz / band.peak_hz)
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.clip(np.minimum(low, high) / EDGE, 0.0, 1.0)))
