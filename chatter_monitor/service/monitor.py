@@ -12,7 +12,7 @@ import numpy as np
 from chatter_monitor.acquisition.source import Source
 from chatter_monitor.config import Settings
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Event, Flag, Health, Mode, ModeStatus, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Event, Flag, Health, Mode, Odp, OdpFrame, Verdict
 from chatter_monitor.tracking.tracker import INTERVAL_S, Tracker
 from chatter_monitor.verdict.evidence import weigh
 from chatter_monitor.verdict.judge import EventLog, Judge
@@ -41,12 +41,9 @@ class Tally:
 def odp_message(frame: OdpFrame) -> Odp:
     """Summary of a frame: its last sample."""
     modes = []
-    for slot in range(frame.status.shape[1]):
-        frequency, damping, sd = (
-            float(column[-1, slot]) for column in (frame.frequency_hz, frame.damping_ratio, frame.damping_sd)
-        )
-        share = float(frame.share[slot])
-        if frame.status[-1, slot] in (ModeStatus.OSCILLATORY, ModeStatus.HELD) and math.isfinite(frequency):
+    rows = (frame.frequency_hz[-1], frame.damping_ratio[-1], frame.damping_sd[-1], frame.share)
+    for frequency, damping, sd, share in zip(*(row.tolist() for row in rows), strict=True):
+        if math.isfinite(frequency):
             modes.append(Mode(frequency, damping, (damping - 1.96 * sd, damping + 1.96 * sd), share))
         else:
             modes.append(Mode(None, None, None, share))

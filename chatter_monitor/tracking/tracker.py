@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from chatter_monitor.kernels import conditioning, odp, poles, rarma, track
 from chatter_monitor.kernels.share import modal_shares
-from chatter_monitor.records import Flag, ModeStatus, OdpFrame
+from chatter_monitor.records import Flag, OdpFrame
 
 # One frame is one verdict interval: long enough for a stable median, short enough for an alarm in time.
 INTERVAL_S = 0.05
 
+# frequency, damping, their standard deviations (float32), status (uint8); shape (samples, modes) each
+Columns = tuple[NDArray[Any], ...]
 Order = Annotated[int, msgspec.Meta(ge=0)]
 
 
@@ -90,8 +92,12 @@ class Tracker:
         self._high_pass = np.zeros(2)
         self._shares = np.zeros(settings.modes)
         self._next_sample = 0
-        self._rows = self._new_rows(0)
-        self._last = self._new_rows(1)
+        self._columns = self._new_columns(self._interval)
+        self._filled = 0
+        self._last = self._new_columns(1)  # before the first value: nothing known
+        for column in self._last[:4]:
+            column.fill(np.nan)
+        self._last[4].fill(track.STARTING)
         self._sum_squares = 0.0
         self._heard = 0
         self._lost = 0
@@ -117,7 +123,7 @@ class Tracker:
 
     def finish(self) -> Iterator[OdpFrame]:
         """Yield what remains as a last, shorter frame."""
-        if len(self._rows[0]):
+        if self._filled:
             yield self._frame()
 
     def _chunks(self, samples: int) -> Iterator[int]:
@@ -128,71 +134,78 @@ class Tracker:
     def _take(self, samples: NDArray[np.float64], flags: Flag, lost: int = 0) -> Iterator[OdpFrame]:
         begin = 0
         while begin < len(samples):
-            room = self._interval - len(self._rows[0])
-            piece = samples[begin : begin + room]
-            rows = self._track(piece)
-            self._rows = [np.concatenate(pair) for pair in zip(self._rows, rows, strict=True)]
+            size = min(len(samples) - begin, self._interval - self._filled)
+            self._track(samples[begin : begin + size])
             self._flags |= flags
-            self._lost += min(lost, len(piece))
-            lost -= min(lost, len(piece))
-            self._next_sample += len(piece)
-            begin += len(piece)
-            if len(self._rows[0]) == self._interval:
+            self._lost += min(lost, size)
+            lost -= min(lost, size)
+            begin += size
+            if self._filled == self._interval:
                 yield self._frame()
 
-    def _track(self, samples: NDArray[np.float64]) -> list[NDArray[np.float32]]:
-        """ODPs of consecutive samples, one row each."""
+    def _track(self, samples: NDArray[np.float64]) -> None:
+        """Fill in the ODPs of consecutive samples that fit into the frame."""
         corner = 2 * np.pi * self._settings.high_pass_hz / self._settings.sample_rate_hz
         signal = np.empty(len(samples))
         conditioning.high_pass(np.ascontiguousarray(samples), corner, self._high_pass, signal)
-        measured = signal[np.isfinite(signal)]
+        measured = signal if np.isfinite(signal).all() else signal[np.isfinite(signal)]
         self._sum_squares += float(measured @ measured)
         self._heard += len(measured)
-        position = self._next_sample
+        rows = slice(self._filled, self._filled + len(samples))
+        if self._halvers:
+            for column, held in zip(self._columns, self._held(signal), strict=True):
+                column[rows] = held
+        else:
+            self._run(signal, tuple(column[rows] for column in self._columns))
+        self._filled += len(samples)
+        self._next_sample += len(samples)
+
+    def _run(self, signal: NDArray[np.float64], out: Columns) -> None:
+        p, q = self._settings.orders
+        track.track(p, q, signal, self._recursion, self._poles, self._tile, self._forgetting, 0.0, self._rate_hz, out)
+
+    def _held(self, signal: NDArray[np.float64]) -> Columns:
+        """ODPs of a decimated signal, each held until the next."""
+        samples = np.arange(self._next_sample, self._next_sample + len(signal))
         for halver in self._halvers:
             halved = np.empty(len(signal) // 2 + 1)
             signal = halved[: conditioning.halve(signal, halver, halved)]
-        p, q = self._settings.orders
-        out = self._new_rows(len(signal))
-        track.track(
-            p, q, signal, self._recursion, self._poles, self._tile, self._forgetting, 0.0, self._rate_hz, tuple(out)
-        )
-        if not self._halvers:
-            return out
-        held = [np.concatenate(pair) for pair in zip(self._last, out, strict=True)]
-        self._last = [column[-1:] for column in held]
-        decimation = 2 ** len(self._halvers)
-        made_before = -(-position // decimation)  # the first of each group of input samples makes an output
-        made = (position + np.arange(len(samples))) // decimation + 1
-        return [column[made - made_before] for column in held]
+        out = self._new_columns(len(signal))
+        self._run(signal, out)
+        known = tuple(np.concatenate(pair) for pair in zip(self._last, out, strict=True))
+        self._last = tuple(column[-1:] for column in known)
+        decimation = 2 ** len(self._halvers)  # the first of so many samples makes an output
+        made = samples // decimation + 1
+        made_before = (self._next_sample - 1) // decimation + 1
+        return tuple(column[made - made_before] for column in known)
 
     def _frame(self) -> OdpFrame:
-        frequency, damping, frequency_sd, damping_sd, status = self._rows
+        frequency, damping, frequency_sd, damping_sd, status = (column[: self._filled] for column in self._columns)
         p, q = self._settings.orders
         if self._poles.known[0]:
             modal_shares(p, q, self._recursion.theta, self._poles.factors, self._poles.roots, self._shares)
         frame = OdpFrame(
             channel=self._channel,
-            first_sample=self._next_sample - len(frequency),
+            first_sample=self._next_sample - self._filled,
             sample_rate_hz=self._settings.sample_rate_hz,
             frequency_hz=frequency,
             damping_ratio=damping,
             frequency_sd_hz=frequency_sd,
             damping_sd=damping_sd,
-            status=status.astype(np.uint8, copy=False),
+            status=status,
             share=self._shares.copy(),
             rms=(self._sum_squares / self._heard) ** 0.5 if self._heard else 0.0,
             lost=self._lost,
             flags=self._flags,
         )
-        self._rows = self._new_rows(0)
+        self._columns = self._new_columns(self._interval)
+        self._filled = 0
         self._sum_squares = 0.0
         self._heard = self._lost = 0
         self._flags = Flag.NONE
         return frame
 
-    def _new_rows(self, n: int) -> list[NDArray[np.float32]]:
-        """Frequency, damping, their standard deviations, and status, n rows each: nothing known yet."""
-        values = [np.full((n, self._settings.modes), np.nan, dtype=np.float32) for _ in range(4)]
-        status = np.full((n, self._settings.modes), ModeStatus.STARTING, dtype=np.uint8)
-        return [*values, status]  # type: ignore[list-item]
+    def _new_columns(self, n: int) -> Columns:
+        """Room for frequency, damping, their standard deviations, and status of n samples."""
+        shape = (n, self._settings.modes)
+        return (*(np.empty(shape, np.float32) for _ in range(4)), np.empty(shape, np.uint8))

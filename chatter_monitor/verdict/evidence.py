@@ -69,11 +69,12 @@ class Evidence:
 def mode_evidence(frame: OdpFrame, mode: int) -> ModeEvidence | None:
     """Summary of one mode slot; None where it had no frequency for half of the interval or longer."""
     good = frame.status[:, mode] == ModeStatus.OSCILLATORY
-    if 2 * np.count_nonzero(good) <= len(frame):
+    count = int(np.count_nonzero(good))
+    if 2 * count <= len(frame):
         return None
-    frequency, damping, damping_sd = (
-        float(np.median(column[good, mode])) for column in (frame.frequency_hz, frame.damping_ratio, frame.damping_sd)
-    )
+    columns = np.array([frame.frequency_hz[:, mode], frame.damping_ratio[:, mode], frame.damping_sd[:, mode]])
+    middle = np.partition(columns if count == len(frame) else columns[:, good], count // 2, axis=1)[:, count // 2]
+    frequency, damping, damping_sd = middle.tolist()
     return ModeEvidence(frequency, damping, damping_sd, float(frame.share[mode]))
 
 
@@ -83,8 +84,8 @@ def weigh(frame: OdpFrame) -> Evidence:
     significant = [mode for mode in modes if mode is not None and mode.share >= SIGNIFICANT_SHARE]
     return Evidence(
         critical=min(significant, key=lambda mode: mode.damping_ratio, default=None),
-        held=bool(np.all(frame.status == ModeStatus.HELD)),
-        starting=bool(np.any(frame.status == ModeStatus.STARTING)),
+        held=bool((frame.status == ModeStatus.HELD).all()),
+        starting=bool((frame.status == ModeStatus.STARTING).any()),
         rms=frame.rms,
         flags=frame.flags,
     )
