@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
@@ -67,3 +67,72 @@ def replay(
         jsonl=jsonl,
         odp_table=odp_table,
     ).run(as_json=as_json)
+
+
+@cli.command()
+@click.argument("model", type=click.Path(path_type=Path))
+@click.option("--seconds", type=click.FloatRange(min=0, min_open=True), required=True, help="Length of the recording.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Same seed, same recording.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Recording to write, .wav or .flac.")
+@click.option("--rate", "rate_hz", type=click.IntRange(min=100), default=12800, show_default=True, help="Hz.")
+@JSON
+@DEBUG
+def simulate(model: Path, seconds: float, seed: int, out: Path, rate_hz: int, as_json: bool) -> None:
+    """Simulate a machining system; writes the recording and, beside it, the truth as JSON."""
+    from chatter_monitor.service.modelling import simulate_to_file
+
+    simulation, truth = simulate_to_file(model, seconds, seed, out, rate_hz)
+    rms = float((simulation.signal**2).mean() ** 0.5)
+    unstable = simulation.truth.unstable_s
+    if as_json:
+        _print_json({"recording": str(out), "truth": str(truth), "rms": rms, "unstable_s": unstable})
+        return
+    spoken = ", ".join(f"{begin:.2f}-{end:.2f} s" for begin, end in unstable) or "nowhere"
+    click.echo(f"{out}: {seconds:g} s at {rate_hz} Hz, rms {rms:.3g}; linearly unstable: {spoken}.")
+    click.echo(f"{truth}: the truth.")
+
+
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Directory for JSON and plots.")
+@click.option(
+    "--quantity",
+    type=click.Choice(["displacement", "velocity", "acceleration"]),
+    default="displacement",
+    show_default=True,
+    help="What the recording measures; for a microphone near the tool, velocity comes closest.",
+)
+@click.option("--channel", type=click.IntRange(min=0), default=0, show_default=True, help="Counted from 0.")
+@click.option(
+    "--between", "between_s", type=(float, float), metavar="BEGIN END", help="Stretch to look at, in seconds."
+)
+@click.option("--band", "band_hz", type=(float, float), metavar="LOW HIGH", help="Band to look at, in Hz.")
+@JSON
+@DEBUG
+def identify(
+    file: Path,
+    out: Path | None,
+    quantity: Literal["displacement", "velocity", "acceleration"],
+    channel: int,
+    between_s: tuple[float, float] | None,
+    band_hz: tuple[float, float] | None,
+    as_json: bool,
+) -> None:
+    """Find stiffness, damping and excitation of the strongest mode from its response alone."""
+    from chatter_monitor.energy.report import lines
+    from chatter_monitor.service.modelling import identify_file
+
+    result, written = identify_file(file, out, channel=channel, quantity=quantity, between_s=between_s, band_hz=band_hz)
+    if as_json:
+        click.echo(result.to_json())
+        return
+    for line in lines(result):
+        click.echo(line)
+    for path in written:
+        click.echo(f"wrote {path}")
+
+
+def _print_json(value: object) -> None:
+    import msgspec
+
+    click.echo(msgspec.json.encode(value))

@@ -11,6 +11,7 @@ import os
 from pathlib import Path
 
 import numba
+import numba.core.config
 
 
 def _digest() -> str:
@@ -33,7 +34,7 @@ try:
 except OSError:
     pass  # nowhere to write: numba falls back on its own choice, or compiles at every start
 else:
-    numba.config.CACHE_DIR = str(CACHE_DIRECTORY)
+    numba.core.config.CACHE_DIR = str(CACHE_DIRECTORY)
 
 
 def is_compiled() -> bool:

@@ -1,6 +1,8 @@
 """How the kernels of the tracker are compiled."""
 
-OPTIONS = {
+from typing import Any
+
+OPTIONS: dict[str, Any] = {
     "cache": True,
     "nogil": True,
     "error_model": "numpy",

@@ -118,11 +118,15 @@ class Timeline(Outlet):
         before, short, new = stretches[-3:]
         if short.duration_s >= SHORTEST_SHOWN_S or short.state == "self_excited":
             return
-        before.t1 = short.t1
         if before.state == new.state:
+            before.t1 = short.t1
             del stretches[-2:]
+            return
+        if before.state == "self_excited":  # an alarm is as long as it was
+            new.t0 = short.t0
         else:
-            del stretches[-2]
+            before.t1 = short.t1
+        del stretches[-2]
 
     def summary(self, recording: Path, samples_missing: int) -> Summary:
         """Totals so far."""
