@@ -6,6 +6,7 @@ Each component owns its settings class with its defaults; here they are only put
 from __future__ import annotations
 
 import difflib
+import math
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -33,6 +34,25 @@ class MachineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     name: Annotated[str, msgspec.Meta(min_length=1, max_length=100)] = "machine"
 
 
+class RecorderSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The table ``[recorder]``: checked here already, read by the daemon to come; `replay` records nothing.
+
+    Attributes
+    ----------
+    directory : str
+        Where recordings of events go.
+    pre_s, post_s : float
+        How much is kept from before an event and from after it.
+    quota_gb : float
+        Room that all recordings together may take.
+    """
+
+    directory: Annotated[str, msgspec.Meta(min_length=1)] = "/var/lib/chatter-monitor"
+    pre_s: Annotated[float, msgspec.Meta(ge=0)] = 5.0
+    post_s: Annotated[float, msgspec.Meta(ge=0)] = 5.0
+    quota_gb: Annotated[float, msgspec.Meta(gt=0)] = 5.0
+
+
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All tables of a machine configuration; every table and key may be left out."""
 
@@ -42,6 +62,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tracker: TrackerSettings = TrackerSettings()
     verdict: JudgeSettings = JudgeSettings()
     publish: PublishSettings = PublishSettings()
+    recorder: RecorderSettings = RecorderSettings()
 
 
 def load(paths: Sequence[Path], overrides: dict[str, dict[str, Any]] | None = None) -> Settings:
@@ -114,8 +135,15 @@ def _unknown(path: Path, what: str, name: str, known: list[str]) -> InputError:
 
 
 def _convert(what: str, tables: dict[str, dict[str, Any]]) -> Settings:
+    for name, values in tables.items():
+        for key, value in values.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise InputError(f"[{name}] {key} in {what} is not allowed", got=value, allowed="a finite number")
     try:
         return msgspec.convert(tables, Settings)
+    except InputError as error:  # of a settings class, which does not know where its values come from
+        where = f"{error.what} (in {what})"
+        raise InputError(where, got=error.got, allowed=error.allowed, remedy=error.remedy) from error
     except msgspec.ValidationError as error:
         message, _, where = str(error).partition(" - at `$.")
         table, _, key = where.rstrip("`").partition(".")

@@ -13,6 +13,10 @@ class InputSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes
     ----------
+    device : str
+        Name of the sound device. Read by the daemon to come; `replay` has a file instead and ignores it.
+    sample_rate_hz : float
+        Rate to open the device at. Read by the daemon to come; `replay` takes the rate of its file and ignores it.
     channels : tuple of int, or None
         Channels to listen to, counted from 0, in this order; None for all.
     sensor : str
@@ -22,6 +26,8 @@ class InputSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         1.0 leaves the samples as they are.
     """
 
+    device: Annotated[str, msgspec.Meta(min_length=1)] = "default"
+    sample_rate_hz: Annotated[float, msgspec.Meta(gt=0)] = 48000.0
     channels: Annotated[tuple[Annotated[int, msgspec.Meta(ge=0)], ...], msgspec.Meta(min_length=1)] | None = None
     sensor: Literal["microphone", "accelerometer", "vibrometer", "displacement"] = "microphone"
     full_scale_per_unit: Annotated[float, msgspec.Meta(gt=0)] = 1.0
