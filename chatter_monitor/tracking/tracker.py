@@ -50,6 +50,9 @@ class TrackerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.memory_ms * 1e-3 * self.sample_rate_hz < 10 * (p + q):
             msg = f"memory_ms must hold at least ten samples for each of the {p + q} coefficients, got {self.memory_ms}"
             raise ValueError(msg)
+        if self.high_pass_hz >= self.sample_rate_hz / 2:
+            msg = f"high_pass_hz must be below half of sample_rate_hz, got {self.high_pass_hz}"
+            raise ValueError(msg)
 
     @property
     def modes(self) -> int:
@@ -98,8 +101,7 @@ class Tracker:
         for column in self._last[:4]:
             column.fill(np.nan)
         self._last[4].fill(track.STARTING)
-        self._sum_squares = 0.0
-        self._heard = 0
+        self._signal = np.empty(self._interval)
         self._lost = 0
         self._flags = Flag.NONE
 
@@ -146,12 +148,9 @@ class Tracker:
     def _track(self, samples: NDArray[np.float64]) -> None:
         """Fill in the ODPs of consecutive samples that fit into the frame."""
         corner = 2 * np.pi * self._settings.high_pass_hz / self._settings.sample_rate_hz
-        signal = np.empty(len(samples))
-        conditioning.high_pass(np.ascontiguousarray(samples), corner, self._high_pass, signal)
-        measured = signal if np.isfinite(signal).all() else signal[np.isfinite(signal)]
-        self._sum_squares += float(measured @ measured)
-        self._heard += len(measured)
         rows = slice(self._filled, self._filled + len(samples))
+        signal = self._signal[rows]
+        conditioning.high_pass(np.ascontiguousarray(samples), corner, self._high_pass, signal)
         if self._halvers:
             for column, held in zip(self._columns, self._held(signal), strict=True):
                 column[rows] = held
@@ -194,16 +193,23 @@ class Tracker:
             damping_sd=damping_sd,
             status=status,
             share=self._shares.copy(),
-            rms=(self._sum_squares / self._heard) ** 0.5 if self._heard else 0.0,
+            rms=self._rms(),
             lost=self._lost,
             flags=self._flags,
         )
         self._columns = self._new_columns(self._interval)
         self._filled = 0
-        self._sum_squares = 0.0
-        self._heard = self._lost = 0
+        self._lost = 0
         self._flags = Flag.NONE
         return frame
+
+    def _rms(self) -> float:
+        """Root mean square of what was measured in the frame; summed at once, or the cuts between blocks would show."""
+        signal = self._signal[: self._filled]
+        usable = np.abs(signal) < rarma.LARGEST_SAMPLE
+        if not usable.all():
+            signal = signal[usable]
+        return float(np.sqrt(np.mean(signal * signal))) if len(signal) else 0.0
 
     def _new_columns(self, n: int) -> Columns:
         """Room for frequency, damping, their standard deviations, and status of n samples."""
