@@ -110,7 +110,8 @@ class Monitor:
             self._tally.samples += len(block.samples)
             self._tally.lost += block.lost
             for channel, tracker in enumerate(self._trackers):
-                flags = block.channel_flags(channel)
+                # A gap before the block is the tracker's to flag, where it lies: the block is as long as chance made it.
+                flags = block.flags[channel] if block.flags else Flag.NONE
                 self._tally.overflows += bool(flags & Flag.OVERFLOW)
                 for frame in tracker.process(block.first_sample, block.samples[:, channel], flags):
                     self._deliver(frame)
