@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 
+import click
+
 from chatter_monitor.cli import cli
 from chatter_monitor.errors import ChatterMonitorError
 
@@ -11,7 +13,15 @@ from chatter_monitor.errors import ChatterMonitorError
 def main() -> None:
     """Run the command line; exit codes: 0 done, 2 wrong input, 3 environment fault, 1 a bug."""
     try:
-        cli()
+        cli(standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as error:
+        error.show()
+        sys.exit(2)
+    except click.ClickException as error:
+        print(f"chatter-monitor: {error.format_message()} Try --help.", file=sys.stderr)  # noqa: T201
+        sys.exit(2)
+    except click.Abort:
+        sys.exit(130)
     except ChatterMonitorError as error:
         if "--debug" in sys.argv:
             raise
