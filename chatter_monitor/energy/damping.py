@@ -16,7 +16,8 @@ from chatter_monitor.energy.stiffness import ZoneLeftOut
 from chatter_monitor.errors import InputError
 
 ROUNDS = 3  # of correcting h_eq by what the model shows; the second changes it by less than a standard error
-POINTS = 80  # of the curves
+POINTS = 160  # of the curves
+RARE = 0.02  # share of the samples below the lowest energy of the curves, if no zone lies there
 COARSE = 8  # shells of the likelihood joined to one point of the damping potential
 
 
@@ -27,7 +28,7 @@ class Damping:
     Attributes
     ----------
     energy : ndarray
-        Energies of the curves, over the zones used.
+        Energies of the curves: from the lowest 2 % of the samples to the highest zone used.
     potential, potential_low, potential_high : ndarray
         H(E) / (pi S0), eq. (13), with pointwise 95 % band of its rise from the lowest point.
     shell_energy, shell_potential : ndarray
@@ -134,7 +135,8 @@ def estimate_damping(
         shift = equivalent_damping.diffusion_shift(curve, potential, covariance, float(d[0]), top)
         corrected = measured + (in_band or 0.0) + shift
         d = excitation.strength(corrected, slope_at_zones, weight)
-    grid = np.linspace(np.sqrt(level[0]), np.sqrt(level[-1]), POINTS) ** 2
+    lowest = min(float(level[0]), float(np.quantile(energy, RARE)))
+    grid = np.linspace(np.sqrt(lowest), np.sqrt(level[-1]), POINTS) ** 2
     h = np.empty((rows.shape[0], POINTS))
     for model in np.unique(chosen):
         picked = chosen == model

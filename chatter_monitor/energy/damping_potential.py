@@ -149,8 +149,8 @@ def fit_density(
     for _ in range(MOST_STEPS):  # Newton on a concave function, halving steps that overshoot
         mean = expected @ statistics.T
         spread = (expected @ products).reshape(-1, size, size) - mean[:, :, None] * mean[:, None, :]
-        spread += RIDGE * np.trace(spread, axis1=1, axis2=2)[:, None, None] * np.eye(size) + np.finfo(float).tiny
-        step = np.linalg.solve(spread, (mean - observed)[:, :, None])[:, :, 0]
+        ridge = RIDGE * (np.trace(spread, axis1=1, axis2=2) + RIDGE)
+        step = np.linalg.solve(spread + ridge[:, None, None] * np.eye(size), (mean - observed)[:, :, None])[:, :, 0]
         for _ in range(30):
             expected, reached = log_norm(theta + step)
             overshot = reached < level - ROUNDING

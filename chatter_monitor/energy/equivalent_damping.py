@@ -134,6 +134,10 @@ def covariances(
         ZoneLeftOut(float(mean[z]), int(samples[z]), "too few independent segments")
         for z in np.flatnonzero(~used & (samples > 0))
     )
+    beyond = energy >= top
+    if beyond.any():
+        reason = "beyond the zones of the potential"
+        left_out += (ZoneLeftOut(float(energy[beyond].mean()), int(np.sum(beyond)), reason),)
     lag_s = np.arange(lags) / motion.rate_hz
     return Covariances(lag_s, mean, sums, counts.astype(np.float64), first, last, used, left_out)
 

@@ -20,6 +20,25 @@ def _cubic(samples, i, fraction):
 
 
 @njit(cache=True, nogil=True)
+def _root(samples, i):
+    """Where between samples i and i + 1, of opposite signs, the cubic through their neighbours vanishes."""
+    rise = samples[i + 1] - samples[i]
+    fraction = -samples[i] / rise
+    for _ in range(2):  # steps with the slope of the chord
+        fraction = min(max(fraction - _cubic(samples, i, fraction) / rise, 0.0), 1.0)
+    return fraction
+
+
+@njit(cache=True, nogil=True)
+def _extreme(x, v, top):
+    """Displacement where the velocity vanishes next to the farthest sample."""
+    i = top if (v[top] > 0.0) == (x[top] > 0.0) else top - 1  # still on its way out, or already on its way back
+    if (v[i] < 0.0) == (v[i + 1] < 0.0):
+        return x[top]
+    return _cubic(x, i, _root(v, i))
+
+
+@njit(cache=True, nogil=True)
 def half_cycles(x, v, crossing, crossing_velocity, extreme):
     """Cut a motion at the zero crossings of x.
 
@@ -27,7 +46,7 @@ def half_cycles(x, v, crossing, crossing_velocity, extreme):
     ----------
     x, v : float64[n]
         Displacement and velocity, at least about 8 samples a period.
-    crossing, crossing_velocity, extreme : float64[>= n]
+    crossing, crossing_velocity, extreme : float64[n]
         Filled from the start: instant of each zero crossing in samples, velocity there, and the displacement farthest
         from zero between this crossing and the next.
 
@@ -36,27 +55,18 @@ def half_cycles(x, v, crossing, crossing_velocity, extreme):
     int
         Number of half cycles h. ``crossing`` and ``crossing_velocity`` hold h + 1 values, ``extreme`` holds h.
     """
-    n = x.shape[0]
     crossings = 0
     top = 0
-    for i in range(1, n - 2):
+    for i in range(1, x.shape[0] - 2):
         if crossings and abs(x[i]) > abs(x[top]):
             top = i
         if (x[i] < 0.0) == (x[i + 1] < 0.0):
             continue
         if crossings:
-            extreme[crossings - 1] = x[top]
-            # Parabola through the farthest sample and its neighbours, where they do bracket it.
-            bend = x[top - 1] - 2.0 * x[top] + x[top + 1]
-            slope = 0.5 * (x[top + 1] - x[top - 1])
-            if bend != 0.0 and abs(slope) <= abs(bend):
-                extreme[crossings - 1] -= 0.5 * slope * slope / bend
-        fraction = x[i] / (x[i] - x[i + 1])
-        for _ in range(2):  # Newton on the cubic, starting from the chord
-            rise = x[i + 1] - x[i]
-            fraction = min(max(fraction - _cubic(x, i, fraction) / rise, 0.0), 1.0)
-        crossing[crossings] = i + fraction
-        crossing_velocity[crossings] = _cubic(v, i, fraction)
+            extreme[crossings - 1] = _extreme(x, v, top)
+        at = _root(x, i)
+        crossing[crossings] = i + at
+        crossing_velocity[crossings] = _cubic(v, i, at)
         crossings += 1
         top = i + 1
     return max(crossings - 1, 0)
