@@ -110,7 +110,7 @@ class Monitor:
             self._tally.samples += len(block.samples)
             self._tally.lost += block.lost
             for channel, tracker in enumerate(self._trackers):
-                # A gap before the block is the tracker's to flag, where it lies: the block is as long as chance made it.
+                # The tracker flags a gap before the block where it lies; the block's length is chance.
                 flags = block.flags[channel] if block.flags else Flag.NONE
                 self._tally.overflows += bool(flags & Flag.OVERFLOW)
                 for frame in tracker.process(block.first_sample, block.samples[:, channel], flags):
