@@ -34,7 +34,7 @@ try:
 except OSError:
     pass  # nowhere to write: numba falls back on its own choice, or compiles at every start
 else:
-    numba.core.config.CACHE_DIR = str(CACHE_DIRECTORY)
+    numba.core.config.CACHE_DIR = str(CACHE_DIRECTORY)  # type: ignore[attr-defined]  # made up at import
 
 
 def is_compiled() -> bool:

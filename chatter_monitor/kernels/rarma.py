@@ -51,7 +51,7 @@ LAST_SAMPLE = 3
 WINDOW = 4  # sum of lambda^k over the samples adapted to
 WINDOW_SQUARED = 5  # sum of lambda^2k
 USUAL_VARIANCE = 6  # innovation variance averaged over the memory
-# Indices into RarmaState.count (int64)
+# Indices into RarmaState.counts (int64)
 ADAPTED = 0  # samples adapted to, since the start
 REPEATS = 1  # how long the signal has not changed
 REFILL = 2  # samples to wait after a gap until the regressors are whole again
@@ -66,7 +66,7 @@ class RarmaState(NamedTuple):
     ``theta[n]`` = [c, a]; row j of ``u[n, n]`` holds column j of U (unit upper triangular: the first j entries
     count) and ``d[n]`` its D; ``phi`` is the regressor [e(t-1).., -y(t-1)..] and ``psi`` the same filtered by 1/C,
     both of length q + max(p, q) because the filter reaches back q samples; ``gain[n]``, ``scratch[q + 1]`` and
-    ``zeros[2, q]`` are work space; ``level`` and ``count`` hold scalars at the indices above.
+    ``zeros[2, q]`` are work space; ``level`` and ``counts`` hold scalars at the indices above.
     """
 
     theta: np.ndarray
@@ -78,7 +78,7 @@ class RarmaState(NamedTuple):
     scratch: np.ndarray
     zeros: np.ndarray
     level: np.ndarray
-    count: np.ndarray
+    counts: np.ndarray
 
 
 def new_state(p: int, q: int) -> RarmaState:
@@ -94,7 +94,7 @@ def new_state(p: int, q: int) -> RarmaState:
         scratch=np.zeros(q + 1),
         zeros=np.zeros((2, q), dtype=np.complex128),
         level=np.zeros(7),
-        count=np.zeros(6, dtype=np.int64),
+        counts=np.zeros(6, dtype=np.int64),
     )
 
 
@@ -147,8 +147,8 @@ def forget_regressors(p, q, state):
     """After missing samples: the past is unknown, so empty the regressors and wait until they are whole again."""
     state.phi[:] = 0.0
     state.psi[:] = 0.0
-    state.count[REFILL] = p + q
-    state.count[REPEATS] = 0
+    state.counts[REFILL] = p + q
+    state.counts[REPEATS] = 0
 
 
 @njit(**OPTIONS)
@@ -192,14 +192,14 @@ def step(p, q, sample, state, forgetting, freeze_power):
     bool
         Whether the model adapted; False for frozen.
     """
-    theta, u, d, phi, psi, gain, scratch, zeros, level, count = state
+    theta, u, d, phi, psi, gain, scratch, zeros, level, counts = state
     n = p + q
     if not abs(sample) < LARGEST_SAMPLE:
-        count[MISSING] += 1
+        counts[MISSING] += 1
         forget_regressors(p, q, state)
         return False
 
-    count[REPEATS] = count[REPEATS] + 1 if sample == level[LAST_SAMPLE] else 0
+    counts[REPEATS] = counts[REPEATS] + 1 if sample == level[LAST_SAMPLE] else 0
     level[LAST_SAMPLE] = sample
     speed = VARIANCE_SPEED * (1.0 - forgetting)
     power = level[POWER] + speed * (sample * sample - level[POWER])
@@ -209,26 +209,26 @@ def step(p, q, sample, state, forgetting, freeze_power):
     for i in range(n):
         error -= theta[i] * phi[i]
 
-    informative = count[REPEATS] < REPEATS_TO_FREEZE and count[REFILL] == 0 and power > freeze_power and power > 0.0
+    informative = counts[REPEATS] < REPEATS_TO_FREEZE and counts[REFILL] == 0 and power > freeze_power and power > 0.0
     if informative:
         variance = max(level[INNOVATION_VARIANCE], PREDICTABLE_SHARE * power)
-        if count[ADAPTED] == 0:
+        if counts[ADAPTED] == 0:
             variance = sample * sample + power
         noise = max(variance, error * error / (OUTLIER_SD * OUTLIER_SD))
-        remembered = 1.0 if count[FORGETTING_STOPPED] else forgetting
+        remembered = 1.0 if counts[FORGETTING_STOPPED] else forgetting
         start = forgetting * noise
         total = udu_update(n, u, d, psi, gain, start, remembered)
         rate = error / total
         for i in range(n):
             theta[i] += gain[i] * rate
         if not is_minimum_phase(q, theta, scratch, forgetting):
-            count[CONTRACTIONS] += 1
+            counts[CONTRACTIONS] += 1
             contract(q, theta, zeros, CONTRACTION * forgetting)
 
         explained = min(error * rate * start, OUTLIER_SD * OUTLIER_SD * variance)
         variance += speed * (explained - variance)
         level[INNOVATION_VARIANCE] = variance
-        if count[ADAPTED] < SAMPLES_PER_COEFFICIENT * n:
+        if counts[ADAPTED] < SAMPLES_PER_COEFFICIENT * n:
             level[USUAL_VARIANCE] = variance
         if variance > SURPRISE * level[USUAL_VARIANCE]:
             distrust(n, d, variance / level[USUAL_VARIANCE])
@@ -237,11 +237,11 @@ def step(p, q, sample, state, forgetting, freeze_power):
         level[WINDOW] = remembered * level[WINDOW] + 1.0
         level[WINDOW_SQUARED] = remembered * remembered * level[WINDOW_SQUARED] + 1.0
         level[SCATTER] += (explained / noise - level[SCATTER]) / level[WINDOW]
-        count[ADAPTED] += 1
-        if count[ADAPTED] % BOUND_INTERVAL == 0:
-            count[FORGETTING_STOPPED] = mean_variance(n, u, d) > PRIOR_VARIANCE
-    elif count[REFILL] > 0:
-        count[REFILL] -= 1
+        counts[ADAPTED] += 1
+        if counts[ADAPTED] % BOUND_INTERVAL == 0:
+            counts[FORGETTING_STOPPED] = mean_variance(n, u, d) > PRIOR_VARIANCE
+    elif counts[REFILL] > 0:
+        counts[REFILL] -= 1
 
     # eq. (22): psi is phi filtered by 1/C, with a posteriori residuals
     residual = sample

@@ -18,7 +18,7 @@ STARTING = 3
 @njit(forceinline=True, **OPTIONS)
 def _track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out):
     frequency, damping, frequency_sd, damping_sd, status = out
-    u, d, level, count = recursion.u, recursion.d, recursion.level, recursion.count
+    u, d, level, counts = recursion.u, recursion.d, recursion.level, recursion.counts
     coefficients = recursion.theta[q:]
     factors = pole_state.factors
     modes = p // 2
@@ -29,14 +29,14 @@ def _track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power,
         size = min(odp.TILE, n - begin)
         for t in range(size):
             adapted = rarma.step(p, q, samples[begin + t], recursion, forgetting, freeze_power)
-            if count[rarma.ADAPTED] < rarma.SAMPLES_PER_COEFFICIENT * (p + q):
+            if counts[rarma.ADAPTED] < rarma.SAMPLES_PER_COEFFICIENT * (p + q):
                 for m in range(modes):
                     status[begin + t, m] = STARTING
                     tile.b[m, t] = np.nan
                     tile.c[m, t] = np.nan
                 continue
             if adapted:
-                if count[rarma.ADAPTED] == memory:
+                if counts[rarma.ADAPTED] == memory:
                     poles.forget_slots(pole_state)
                 poles.follow(p, coefficients, pole_state)
             for m in range(modes):

@@ -136,7 +136,7 @@ def test_samples_that_are_no_numbers_are_missing_samples(bad: float) -> None:
     y[[10, 20_000, 20_003]] = bad
     y[40_000:41_000] = bad
     out = channel.run(y)
-    assert channel.recursion.count[rarma.MISSING] == 1003
+    assert channel.recursion.counts[rarma.MISSING] == 1003
     assert np.all(out[4][40_000:41_007] == track.HELD)
     assert np.all(np.isfinite(out[1][19_000:40_500]))
     settle(channel)
