@@ -42,7 +42,7 @@ class Damping:
     zone_energy, zone_h, zone_h_error : ndarray
         h_eq of each zone, corrected, with its standard error.
     lag_s, covariance : ndarray, shapes (lags,) and (zones, lags)
-        R(tau | E) of the velocity for each zone used.
+        R(tau | E) of the velocity for each zone used, over two periods.
     s0, s0_ci95 : float and (float, float)
         Intensity of the white force per unit mass, E[W W] = 2 pi S0 delta, eq. (5).
     damping_ratio, damping_ratio_ci95 : float and (float, float)
@@ -170,7 +170,7 @@ def estimate_damping(
         zone_energy=level,
         zone_h=corrected[0],
         zone_h_error=np.nanstd(corrected[1:], axis=0),
-        lag_s=covariance.lag_s,
+        lag_s=covariance.lag_s[: covariance.shown],
         covariance=covariance.velocity()[zones],
         s0=float(d[0]) / np.pi,
         s0_ci95=(float(d[0] - wide["d"]) / np.pi, float(d[0] + wide["d"]) / np.pi),

@@ -45,7 +45,9 @@ class Covariances:
     Attributes
     ----------
     lag_s : ndarray, shape (lags,)
-        Lags.
+        Lags: every sample of the first two periods, then those that the decay is read at.
+    shown : int
+        Lags within the first two periods.
     energy : ndarray, shape (zones,)
         Mean energy of the starts of each zone.
     sums : ndarray, shape (blocks, zones, 3, lags)
@@ -53,7 +55,7 @@ class Covariances:
     counts : ndarray, shape (blocks, zones)
         Segments.
     first, last : ndarray of int, shape (zones,)
-        Lags between which the decay of each zone is read.
+        Which of the lags the decay of each zone is read between.
     used : ndarray of bool, shape (zones,)
         Zones that take part.
     left_out : tuple of ZoneLeftOut
@@ -61,6 +63,7 @@ class Covariances:
     """
 
     lag_s: NDArray[np.float64]
+    shown: int
     energy: NDArray[np.float64]
     sums: NDArray[np.float64]
     counts: NDArray[np.float64]
@@ -70,8 +73,9 @@ class Covariances:
     left_out: tuple[ZoneLeftOut, ...]
 
     def velocity(self) -> NDArray[np.float64]:
-        """R(tau | E) of the velocity, eq. (15), shape (zones, lags)."""
-        return np.asarray(self.sums[:, :, 0].sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0)[:, None])
+        """R(tau | E) of the velocity over the first two periods, eq. (15), shape (zones, lags shown)."""
+        total = self.sums[:, :, 0, : self.shown].sum(axis=0)
+        return np.asarray(total / np.maximum(self.counts.sum(axis=0), 1.0)[:, None])
 
     def measured(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         """h_eq of eq. (14) for every row of block weights, shape (rows, zones used); NaN in a row without segments."""
@@ -81,7 +85,7 @@ class Covariances:
             picked = self.sums[:, zones, :, lag].transpose(1, 0, 2)  # advanced indexing put the zones first
             total = np.einsum("rb,bzc->rzc", weights, picked)
             modulus.append(np.hypot(total[:, :, 0] + total[:, :, 1], total[:, :, 2]))
-        elapsed = (self.last - self.first)[zones] * (self.lag_s[1] - self.lag_s[0])
+        elapsed = self.lag_s[self.last[zones]] - self.lag_s[self.first[zones]]
         ratio = np.divide(modulus[0], modulus[1], out=np.full_like(modulus[0], np.nan), where=modulus[1] > 0.0)
         return np.asarray(2.0 / elapsed * np.log(ratio))
 
@@ -123,11 +127,12 @@ def covariances(
     halves = 0.5 + np.ceil(np.maximum(NEAR_EDGE / (distance * period) - 0.5, 0.0))
     first = np.round(halves * period).astype(np.int64)
     last = np.round((halves + 1.0) * period).astype(np.int64)
-    lags = int(last.max()) + 1
-    edges = np.linspace(0, motion.x.size - lags, blocks + 1).astype(np.int64)
-    sums = np.zeros((blocks, zones, 3, lags))
+    shown = np.arange(int(2.0 * period.max()))
+    lags = np.unique(np.concatenate([shown, first, last]))
+    edges = np.linspace(0, motion.x.size - lags[-1], blocks + 1).astype(np.int64)
+    sums = np.zeros((blocks, zones, 3, lags.size))
     counts = np.zeros((blocks, zones), dtype=np.int64)
-    kernel.conditional_covariance(w, motion.v, zone, edges, STRIDE, sums, counts)
+    kernel.conditional_covariance(w, motion.v, zone, edges, STRIDE, lags, sums, counts)
     share = counts.sum(axis=0) / max(counts.sum(), 1)
     used = share * worth >= FEWEST
     left_out = tuple(
@@ -138,8 +143,17 @@ def covariances(
     if beyond.any():
         reason = "beyond the zones of the potential"
         left_out += (ZoneLeftOut(float(energy[beyond].mean()), int(np.sum(beyond)), reason),)
-    lag_s = np.arange(lags) / motion.rate_hz
-    return Covariances(lag_s, mean, sums, counts.astype(np.float64), first, last, used, left_out)
+    return Covariances(
+        lag_s=lags / motion.rate_hz,
+        shown=shown.size,
+        energy=mean,
+        sums=sums,
+        counts=counts.astype(np.float64),
+        first=np.searchsorted(lags, first),
+        last=np.searchsorted(lags, last),
+        used=used,
+        left_out=left_out,
+    )
 
 
 def decay(

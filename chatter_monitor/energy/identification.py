@@ -132,7 +132,7 @@ def _checked(
         raise InputError("the sample rate has to be positive", got=sample_rate_hz)
     if band_hz is not None and not 0.0 < band_hz[0] < band_hz[1] < 0.5 * sample_rate_hz:
         raise InputError("impossible band", got=band_hz, allowed=f"0 < low < high < {0.5 * sample_rate_hz:g} Hz")
-    if samples.size < 16 * FEWEST_PERIODS // 4:
+    if samples.size < 4 * FEWEST_PERIODS:
         raise InputError(
             "the signal is too short", got=f"{samples.size} samples", allowed=f"{4 * FEWEST_PERIODS} or more"
         )

@@ -73,7 +73,7 @@ def half_cycles(x, v, crossing, crossing_velocity, extreme):
 
 
 @njit(cache=True, nogil=True)
-def conditional_covariance(w, v, zone, edges, stride, sums, counts):
+def conditional_covariance(w, v, zone, edges, stride, lags, sums, counts):
     """Add up lagged products of z = v + i w over all starts, by block of time and zone of energy at the start.
 
     Parameters
@@ -86,12 +86,13 @@ def conditional_covariance(w, v, zone, edges, stride, sums, counts):
         First start of each block, and one past the last start; starts + lags must stay within n.
     stride : int
         Every how many samples a segment starts.
+    lags : int[lags]
+        Lags in samples.
     sums : float64[blocks, zones, 3, lags]
-        Receives the sums of v v', w w' and v w' - w v' (prime: lag samples later).
+        Receives the sums of v v', w w' and v w' - w v' (prime: a lag later).
     counts : int64[blocks, zones]
         Receives the numbers of segments.
     """
-    lags = sums.shape[3]
     for b in range(edges.shape[0] - 1):
         for i in range(edges[b], edges[b + 1], stride):
             z = zone[i]
@@ -101,9 +102,9 @@ def conditional_covariance(w, v, zone, edges, stride, sums, counts):
             vi = v[i]
             wi = w[i]
             out = sums[b, z]
-            for k in range(lags):
-                vk = v[i + k]
-                wk = w[i + k]
+            for k in range(lags.shape[0]):
+                vk = v[i + lags[k]]
+                wk = w[i + lags[k]]
                 out[0, k] += vi * vk
                 out[1, k] += wi * wk
                 out[2, k] += vi * wk - wi * vk
