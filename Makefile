@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTHON ?= python3
 
-.PHONY: demo test test-fast check bench setup clean
+.PHONY: demo test test-fast check bench paper recordings setup clean
 
 demo: $(READY)
 	$(BIN)/chatter-monitor replay replay_data/bar_turning.flac --config config/lathe.toml
@@ -23,7 +23,18 @@ check: $(READY)
 	$(BIN)/lint-imports
 
 bench: $(READY)
-	$(BIN)/python -m benchmarks
+	$(BIN)/python -m benchmarks.tracker_speed
+	$(BIN)/python -m benchmarks.tracker_accuracy
+	$(BIN)/python -m benchmarks.simulator
+	$(BIN)/python -m benchmarks.identification
+
+# The figures of the paper with the numbers beside them, in docs/paper.
+paper: $(READY)
+	$(BIN)/python -m docs.paper
+
+# The simulated recordings of replay_data, bit by bit the same.
+recordings: $(READY)
+	$(BIN)/python -m replay_data.make
 
 setup: $(READY)
 
