@@ -13,7 +13,7 @@ from chatter_monitor.errors import ChatterMonitorError
 def main() -> None:
     """Run the command line; exit codes: 0 done, 2 wrong input, 3 environment fault, 1 a bug."""
     try:
-        cli(standalone_mode=False)
+        cli(prog_name="chatter-monitor", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
         sys.exit(2)
