@@ -74,13 +74,18 @@ def replay(
 @click.option("--seconds", type=click.FloatRange(min=0, min_open=True), required=True, help="Length of the recording.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Same seed, same recording.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Recording to write, .wav or .flac.")
-@click.option("--rate", "rate_hz", type=click.IntRange(min=100), default=12800, show_default=True, help="Hz.")
+@click.option("--rate", "rate_hz", type=click.IntRange(min=100), help="Hz; the tracker's rate by default.")
+@CONFIG
 @JSON
 @DEBUG
-def simulate(model: Path, seconds: float, seed: int, out: Path, rate_hz: int, as_json: bool) -> None:
+def simulate(
+    model: Path, seconds: float, seed: int, out: Path, rate_hz: int | None, configs: tuple[Path, ...], as_json: bool
+) -> None:
     """Simulate a machining system; writes the recording and, beside it, the truth as JSON."""
+    from chatter_monitor.config import load
     from chatter_monitor.service.modelling import simulate_to_file
 
+    rate_hz = rate_hz or round(load(configs).tracker.sample_rate_hz)
     simulation, truth = simulate_to_file(model, seconds, seed, out, rate_hz)
     rms = float((simulation.signal**2).mean() ** 0.5)
     unstable = simulation.truth.unstable_s
@@ -98,31 +103,40 @@ def simulate(model: Path, seconds: float, seed: int, out: Path, rate_hz: int, as
 @click.option(
     "--quantity",
     type=click.Choice(["displacement", "velocity", "acceleration"]),
-    default="displacement",
-    show_default=True,
-    help="What the recording measures; for a microphone near the tool, velocity comes closest.",
+    help="What the recording measures; by default what [input] sensor of --config says (a microphone counts as "
+    "velocity, which its pressure follows close to the tool), else displacement, as in the paper.",
 )
 @click.option("--channel", type=click.IntRange(min=0), default=0, show_default=True, help="Counted from 0.")
 @click.option(
     "--between", "between_s", type=(float, float), metavar="BEGIN END", help="Stretch to look at, in seconds."
 )
 @click.option("--band", "band_hz", type=(float, float), metavar="LOW HIGH", help="Band to look at, in Hz.")
+@CONFIG
 @JSON
 @DEBUG
 def identify(
     file: Path,
     out: Path | None,
-    quantity: Literal["displacement", "velocity", "acceleration"],
+    quantity: Literal["displacement", "velocity", "acceleration"] | None,
     channel: int,
     between_s: tuple[float, float] | None,
     band_hz: tuple[float, float] | None,
+    configs: tuple[Path, ...],
     as_json: bool,
 ) -> None:
     """Find stiffness, damping and excitation of the strongest mode from its response alone."""
+    from chatter_monitor.config import load
     from chatter_monitor.energy.report import lines
-    from chatter_monitor.service.modelling import identify_file
+    from chatter_monitor.service.modelling import QUANTITIES, identify_file
 
-    result, written = identify_file(file, out, channel=channel, quantity=quantity, between_s=between_s, band_hz=band_hz)
+    result, written = identify_file(
+        file,
+        out,
+        channel=channel,
+        quantity=quantity or (QUANTITIES[load(configs).input.sensor] if configs else "displacement"),
+        between_s=between_s,
+        band_hz=band_hz,
+    )
     if as_json:
         click.echo(result.to_json())
         return

@@ -20,6 +20,14 @@ from chatter_monitor.physics.simulate import Simulation, simulate
 # WAV keeps the model's units in floating point; FLAC has integers only, full scale being 1.
 SUBTYPES = {".wav": "FLOAT", ".flac": "PCM_16"}
 
+# What a sensor's signal is taken for. The sound pressure close to a vibrating surface follows its velocity.
+QUANTITIES: dict[str, Quantity] = {
+    "microphone": "velocity",
+    "accelerometer": "acceleration",
+    "vibrometer": "velocity",
+    "displacement": "displacement",
+}
+
 
 def simulate_to_file(model: Path, seconds: float, seed: int, out: Path, sample_rate_hz: int) -> tuple[Simulation, Path]:
     """Simulate a model file and write the recording and, beside it, the truth as JSON.
