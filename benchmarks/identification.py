@@ -2,7 +2,7 @@
 
     python -m benchmarks.identification [--repeats N] [--cases N] [stiffness damping excitation recordings speed]
 
-The method was developed on seeds below 1000; what is reported here starts at 1000.
+The method was developed on seeds below 200, its faults were found on 1000-1099; what is reported starts at 2000.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from tests.energy.reference import (
     turbulent,
 )
 
-FIRST_SEED = 1000
+FIRST_SEED = 2000
 RATE = 12800.0
 SHARES = [0.025, 0.1, 0.25, 0.5, 0.75, 0.9, 0.975]
 DATA = Path(__file__).parents[1] / ".." / "shared" / "data"

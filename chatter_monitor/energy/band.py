@@ -3,7 +3,7 @@
 The band has to be wide: every part of the motion that is cut away is energy missing from the balance. A mode driven
 by white noise leaves a share of about (4 zeta / pi) (f0 / f) of its kinetic energy above a frequency f > f0, and the
 same share of its potential energy below f0^2 / f. So the band is symmetric about f0 on a logarithmic scale, which
-leaves the balance of the two even; it reaches from f0/6 to 6 f0 (the third harmonic of a stiffened motion included)
+leaves the balance of the two even; it reaches from f0/8 to 8 f0 (the fifth harmonic included)
 and gives way only to what is not the mode: the noise floor where it adds up, or another peak.
 """
 
@@ -22,7 +22,7 @@ Quantity = Literal["displacement", "velocity", "acceleration"]
 # How many times the signal is the time derivative of the displacement.
 DERIVATIVES: dict[Quantity, int] = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
-WIDEST = 6.0  # band from f0 / WIDEST to f0 * WIDEST where nothing else stands in the way
+WIDEST = 8.0  # band from f0 / WIDEST to f0 * WIDEST where nothing else stands in the way
 FLOOR_MARGIN = 3.0  # the band ends where the spectrum comes this near to the noise floor ...
 NOISE_BUDGET = 0.005  # ... once the floor adds up to this share of the kinetic energy: up to there wider is better
 VALLEY = 10.0  # another peak that rises by this factor out of its valley is not this mode

@@ -112,7 +112,7 @@ def identify(
     count = blocks.count(moved, band.peak_hz)
     draws = blocks.weights(count, replicates, seed)
     cycles = half_cycles(moved)
-    stiffness = estimate_stiffness(cycles, draws)
+    stiffness = estimate_stiffness(cycles, replicates, seed)
     damping, excitation = estimate_damping(moved, stiffness.potential, band, draws)
     period = natural_period(cycles, stiffness.potential)
     warnings = _warnings(band, stiffness, damping, excitation)

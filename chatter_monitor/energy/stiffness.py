@@ -26,6 +26,10 @@ ZONES = 24  # on each side of zero, of equal width in amplitude
 FEWEST = 30  # pairs that a zone needs
 WIDEST_SCATTER = 0.7  # standard deviation of a pair's difference relative to its energy; beyond, half cycles get lost
 ITERATIONS = 8
+# The two energies of a pair differ by chance gained within a quarter period: blocks need not span the memory of the
+# energy, and must be many, because few of them reach the high energies that decide k3.
+PER_BLOCK = 20  # half cycles
+BLOCKS = (8, 500)
 # Powers of x that U may be made of, the linear-cubic model first; BIC decides. Without a range of energies: linear.
 LINEAR: tuple[int, ...] = (2,)
 MODELS: tuple[tuple[int, ...], ...] = ((2, 4), (2, 4, 6), (1, 2, 3, 4), (1, 2, 3, 4, 6), (1, 2, 3, 4, 5, 6))
@@ -111,15 +115,15 @@ def half_cycles(motion: Motion) -> HalfCycles:
     return HalfCycles(crossing[: count + 1] / motion.rate_hz, velocity[: count + 1].copy(), extreme[:count].copy())
 
 
-def estimate_stiffness(cycles: HalfCycles, draws: NDArray[np.float64]) -> Stiffness:
+def estimate_stiffness(cycles: HalfCycles, replicates: int, seed: int) -> Stiffness:
     """Fit U(x) to the pairs of all half cycles.
 
     Parameters
     ----------
     cycles : HalfCycles
         At least a few hundred.
-    draws : ndarray, shape (replicates, blocks)
-        Block weights of the bootstrap.
+    replicates, seed : int
+        Of the block bootstrap.
 
     Raises
     ------
@@ -133,7 +137,8 @@ def estimate_stiffness(cycles: HalfCycles, draws: NDArray[np.float64]) -> Stiffn
     kinetic /= unit
     powers = extreme[:, None] ** np.arange(1, POWERS + 1)
     half_cycle = np.arange(cycles.extreme.size)
-    block = np.tile(half_cycle * draws.shape[1] // half_cycle.size, 2)
+    count = int(np.clip(half_cycle.size // PER_BLOCK, *BLOCKS))
+    block = np.tile(half_cycle * count // half_cycle.size, 2)
     coefficients = np.zeros(POWERS)
     coefficients[1] = float(np.sum(kinetic * powers[:, 1]) / np.sum(powers[:, 1] ** 2))  # the linear start
     model: tuple[int, ...] = MODELS[0]
@@ -142,7 +147,7 @@ def estimate_stiffness(cycles: HalfCycles, draws: NDArray[np.float64]) -> Stiffn
         if iteration < ITERATIONS // 2:  # the model is chosen once the zones are roughly right, then kept
             model = table.best_model()
         coefficients = table.fit(model)
-    spread = table.bootstrap(model, draws)
+    spread = table.bootstrap(model, blocks.weights(count, replicates, seed))
     return _assemble(table, model, coefficients, spread, length, unit)
 
 
@@ -219,7 +224,7 @@ class _ZoneTable:
 
     def bootstrap(self, model: tuple[int, ...], draws: NDArray[np.float64]) -> NDArray[np.float64]:
         """Coefficients refitted to every row of block weights, shape (replicates, powers)."""
-        sums = np.einsum("rb,bzc->rzc", draws, self.sums[:, self.used])
+        sums = np.tensordot(draws, self.sums[:, self.used], axes=1)
         filled = np.maximum(sums[:, :, :1], 1.0)
         columns = np.array(model) - 1
         weight = sums[:, :, 0] / self.sd[self.used] ** 2
