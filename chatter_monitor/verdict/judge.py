@@ -158,7 +158,8 @@ class Judge:
     def verdict(self, evidence: Evidence, first_sample: int, samples: int, sample_rate_hz: float) -> Verdict:
         """Judge the next interval."""
         settings = self._settings
-        memory = replace(self._memory, loudest=max(evidence.rms, self._memory.loudest * self._forgetting))
+        level = 0.0 if evidence.flags & DEAF else evidence.rms  # what is not to be trusted sets no level
+        memory = replace(self._memory, loudest=max(level, self._memory.loudest * self._forgetting))
         view = opinion(evidence, memory, self._spindle, settings)
         if view.state == "self_excited":
             memory = replace(memory, suspicious=memory.suspicious + 1, calm=0)
@@ -168,7 +169,7 @@ class Judge:
         if memory.alarm_rms is None and memory.suspicious >= settings.alarm_intervals:
             memory = replace(memory, alarm_rms=evidence.rms)
         elif memory.alarm_rms is not None:
-            loudest = max(memory.alarm_rms, evidence.rms)
+            loudest = max(memory.alarm_rms, level)
             memory = replace(memory, alarm_rms=loudest)
             if memory.calm >= settings.calm_intervals and (
                 evidence.rms < settings.release_ratio * loudest or view.state in ("forced", "idle")

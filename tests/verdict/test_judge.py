@@ -150,6 +150,13 @@ def test_loss_during_an_alarm_is_unknown_and_the_alarm_goes_on_after_it():
     ]
 
 
+def test_loss_sets_no_level():
+    """The level of samples that are not to be trusted neither makes the cut look idle nor ends an alarm."""
+    glitch = evidence(0.0, rms=1e6, flags=Flag.NON_FINITE)
+    assert states(CALM, glitch, CALM) == ["stable", "unknown", "stable"]
+    assert states(*[CHATTER] * 3, glitch, *[CALM] * 5)[-1] == "self_excited"
+
+
 def test_a_new_alarm_needs_its_intervals_again():
     """After an alarm has ended the next one is raised like the first."""
     quiet = [evidence(0.02, rms=0.1)] * 4
