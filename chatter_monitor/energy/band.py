@@ -25,6 +25,7 @@ DERIVATIVES: dict[Quantity, int] = {"displacement": 0, "velocity": 1, "accelerat
 WIDEST = 8.0  # band from f0 / WIDEST to f0 * WIDEST where nothing else stands in the way
 FLOOR_MARGIN = 3.0  # the band ends where the spectrum comes this near to the noise floor ...
 NOISE_BUDGET = 0.005  # ... once the floor adds up to this share of the kinetic energy: up to there wider is better
+NARROWEST = 4  # half-width of the band in lines of the spectrum
 VALLEY = 10.0  # another peak that rises by this factor out of its valley is not this mode
 HARMONIC_WIDTH = 0.1  # relative distance from 2 f0, 3 f0, ... within which a peak belongs to the mode
 MINOR = 0.02  # share of the kinetic energy that makes another peak worth a warning
@@ -66,7 +67,7 @@ def choose_band(
     Raises
     ------
     InputError
-        If `limits_hz` holds no frequency of the spectrum.
+        If `limits_hz` holds no frequency of the spectrum, or no peak.
     """
     length = 1 << max(8, min(14, int(np.log2(max(signal.size // 16, 1)))))
     frequency, density = dsp.welch(signal, rate_hz, nperseg=min(length, signal.size))
@@ -80,13 +81,19 @@ def choose_band(
     searched = velocity if quantity == "displacement" else density
     peak = int(np.flatnonzero(inside)[np.argmax(searched[inside])])
     peak_hz = _refined(frequency, velocity, peak)
+    if limits_hz is not None and peak in (np.flatnonzero(inside)[0], np.flatnonzero(inside)[-1]):
+        raise InputError(
+            "the strongest line sits on the edge of the band",
+            got=f"{peak_hz:.4g} Hz in {low:g}-{high:g} Hz",
+            remedy="Give a band with the mode in its middle.",
+        )
     # The lowest part of the spectrum, wherever it is: an acceleration's own floor above the mode is the white force.
     audible = (frequency > peak_hz / WIDEST) & (frequency < max(0.4 * rate_hz, peak_hz))
     floor = float(np.percentile(dsp.medfilt(density, 5)[audible], 2))
     if limits_hz is None:
         low = frequency[_edge(frequency, density, to_velocity, peak, -1, peak_hz, floor)]
         high = frequency[_edge(frequency, density, to_velocity, peak, +1, peak_hz, floor)]
-        ratio = min(high / peak_hz, peak_hz / low)
+        ratio = max(min(high / peak_hz, peak_hz / low), 1.0 + NARROWEST * frequency[1] / peak_hz)
         low, high = peak_hz / ratio, peak_hz * ratio
         inside = (frequency >= low) & (frequency <= high)
     noise = floor * float(np.sum(to_velocity[inside])) / float(np.sum(velocity[inside]))

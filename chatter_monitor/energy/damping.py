@@ -106,6 +106,8 @@ def estimate_damping(
     rows = np.vstack([np.ones(count), draws])
     energy = 0.5 * motion.v**2 + potential.energy(motion.x)  # eq. (8)
     top = float(np.min(potential.energy(np.array(potential.reach))))
+    outside = (motion.x < potential.reach[0]) | (motion.x > potential.reach[1])
+    energy[outside] = np.maximum(energy[outside], top)  # a polynomial says nothing out there
     block = np.arange(motion.x.size) * count // motion.x.size
     shells = damping_potential.count_shells(energy, block, potential, top)
     fits = damping_potential.fit_all(shells, rows)

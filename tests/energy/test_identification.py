@@ -125,6 +125,21 @@ def test_second_mode_is_called_out():
     assert np.sqrt(result.stiffness.k1) / (2 * np.pi) == pytest.approx(400.0, rel=0.01)
 
 
+def test_band_with_nothing_in_its_middle_is_refused():
+    """A band of two lines of the spectrum holds no mode."""
+    noise = np.random.default_rng(6).standard_normal(40000)
+    with pytest.raises(InputError, match="edge of the band"):
+        identify(noise, RATE, band_hz=(500.0, 512.0))
+
+
+def test_band_given_by_the_user_is_kept(cubic):
+    """With a band given the same mode comes out, within that band."""
+    result, oscillator = cubic
+    other = identify(simulate(oscillator, 30.0, 500), RATE, band_hz=(60.0, 2500.0))
+    assert (other.band.low_hz, other.band.high_hz) == (60.0, 2500.0)
+    assert other.stiffness.k1 == pytest.approx(result.stiffness.k1, rel=2e-3)
+
+
 def test_steady_tone_is_not_noise_driven():
     """A tone in weak noise knows no nonlinearity and no damping, says so, and is not taken for noise-driven."""
     t = np.arange(int(5 * RATE)) / RATE
