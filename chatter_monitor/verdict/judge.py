@@ -6,6 +6,7 @@ It cannot tell a forced line from self-excited vibration when the spindle speed 
 
 from __future__ import annotations
 
+import statistics
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -16,6 +17,9 @@ from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, SpindleSett
 
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
+
+# Relative distance within which frequencies belong to one vibration.
+SAME_VIBRATION = 0.1
 
 Probability = Annotated[float, msgspec.Meta(gt=0, lt=1)]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -236,7 +240,10 @@ class EventLog:
         if not intervals:
             return None
         measured = [v for v in intervals if v.damping_ratio is not None and v.frequency_hz is not None]
-        least = min(measured, key=lambda v: v.damping_ratio or 0.0, default=None)
+        # Another mode may read less for an interval, such as after a gap; the event is the vibration that lasts.
+        usual_hz = statistics.median([v.frequency_hz or 0.0 for v in measured]) if measured else 0.0
+        lasting = [v for v in measured if abs((v.frequency_hz or 0.0) - usual_hz) <= SAME_VIBRATION * usual_hz]
+        least = min(lasting or measured, key=lambda v: v.damping_ratio or 0.0, default=None)
         if least is None or least.damping_ratio is None or least.frequency_hz is None:
             return None
         self._count += 1

@@ -288,6 +288,16 @@ def test_an_event_is_a_stretch_of_alarm():
     assert log.follow(verdict_of("stable", 6)) is None
 
 
+def test_an_event_is_about_the_vibration_that_lasts():
+    """One interval in which another mode reads less damping changes neither the event's frequency nor its damping."""
+    log = EventLog("cut")
+    for i in range(5):
+        log.follow(verdict_of("self_excited", i))
+    log.follow(verdict_of("self_excited", 5, damping=-0.1, frequency=1249.0))
+    event = log.finish(0)
+    assert (event.min_damping_ratio, event.peak_frequency_hz) == (0.001, 1067.0)
+
+
 def test_events_of_channels_are_apart():
     """Each channel has events of its own, all with different names."""
     log = EventLog("cut")
