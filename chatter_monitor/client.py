@@ -6,6 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -15,6 +16,7 @@ import zmq
 from numpy.typing import NDArray
 
 from chatter_monitor.errors import EnvironmentFault, InputError
+from chatter_monitor.outlets.certificates import KeyPair, read_public, read_secret
 from chatter_monitor.outlets.wire import (
     DEFAULT_ENDPOINT,
     DEFAULT_HIGH_WATER_MARK,
@@ -62,6 +64,9 @@ class Subscriber:
         Topics to receive: ``verdict.0``, or ``verdict`` for all channels; an empty string means everything.
     high_water_mark : int
         Messages kept on this side while the program is busy with others.
+    server_public_key, client_secret_key : path, optional
+        Certificate files, both or neither: the monitor's public one and this program's secret one, for a monitor that
+        encrypts. Whoever is not on its allow-list receives nothing, as if it did not run.
 
     Attributes
     ----------
@@ -75,7 +80,7 @@ class Subscriber:
     Raises
     ------
     InputError
-        If the endpoint is malformed.
+        If the endpoint is malformed, a certificate cannot be used, or others could read the secret one.
     EnvironmentFault
         By `receive` and iteration, if the publisher speaks a later version of the protocol.
     """
@@ -85,6 +90,9 @@ class Subscriber:
         endpoint: str = DEFAULT_ENDPOINT,
         topics: Sequence[str] = ("",),
         high_water_mark: int = DEFAULT_HIGH_WATER_MARK,
+        *,
+        server_public_key: Path | str | None = None,
+        client_secret_key: Path | str | None = None,
     ) -> None:
         self.lost: Counter[str] = Counter()
         self.restarts = 0
@@ -92,6 +100,7 @@ class Subscriber:
         self._topics = tuple(topics)
         self._session: str | None = None
         self._expected: dict[str, int] = {}
+        keys = _keys(server_public_key, client_secret_key)
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.SUB)
         self._socket.rcvhwm = high_water_mark
@@ -99,6 +108,10 @@ class Subscriber:
         self._socket.ipv6 = "[" in endpoint
         for topic in self._topics:
             self._socket.setsockopt_string(zmq.SUBSCRIBE, topic)
+        if keys is not None:
+            server, own = keys
+            self._socket.curve_serverkey = server
+            self._socket.curve_publickey, self._socket.curve_secretkey = own.public, own.secret
         try:
             self._socket.connect(endpoint)
         except zmq.ZMQError as error:
@@ -155,6 +168,15 @@ class Subscriber:
             self._expected = dict.fromkeys(self._expected, 0)  # the new run began while we were listening
         self.lost[topic] += max(0, header.seq - self._expected.get(topic, header.seq))
         self._expected[topic] = header.seq + 1
+
+
+def _keys(server: Path | str | None, client: Path | str | None) -> tuple[bytes, KeyPair] | None:
+    """Read the certificates, if there are any: the server's public key and our pair."""
+    if server is None and client is None:
+        return None
+    if server is None or client is None:
+        raise InputError("server_public_key and client_secret_key go together, and one of them is missing")
+    return read_public(Path(server)), read_secret(Path(client))
 
 
 class _Version(msgspec.Struct):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
-import re
 import time
 import uuid
 from collections import Counter
@@ -15,7 +13,9 @@ import msgspec
 import numpy as np
 import zmq
 
-from chatter_monitor.errors import EnvironmentFault, InputError
+from chatter_monitor.errors import ChatterMonitorError, InputError
+from chatter_monitor.outlets.curve import Guard
+from chatter_monitor.outlets.endpoint import ALLOWED_LOOPBACK, bind, is_local
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.wire import (
     DEFAULT_ENDPOINT,
@@ -32,31 +32,52 @@ from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
 
 LINGER_MS = 2000  # how long closing may wait for subscribers that are slow to take the last messages
 
-ALLOWED_BINDS = "tcp:// on 127.0.0.0/8, localhost or [::1] with a port (0: any free one), or ipc:// with a path"
+HOW_TO_ENCRYPT = (
+    "Run `chatter-monitor keys new server` here and `chatter-monitor keys allow CLIENT.key` for each subscriber; "
+    "they print what to set."
+)
 
 
 @dataclass(frozen=True, slots=True)
 class PublishSettings:
-    """Where to publish, and how far a subscriber may fall behind.
+    """Where to publish, to whom, and how far a subscriber may fall behind.
 
     Attributes
     ----------
     bind : str
-        ZeroMQ endpoint that only this machine can reach. The path of ``ipc://`` is taken over from an earlier socket.
+        ZeroMQ endpoint. The path of ``ipc://`` is taken over from an earlier socket.
     high_water_mark : int
         Messages kept for a subscriber that does not keep up; what comes after that is lost to it, and to it alone.
+    server_key : str or None
+        Path of the monitor's secret certificate: with it, everything is encrypted (CURVE).
+    allowed_clients : str or None
+        Directory of the public certificates of those who may subscribe.
 
     Raises
     ------
     InputError
-        If the endpoint is malformed or reachable from the network, or the mark is below 1 (unbounded).
+        If the endpoint is malformed, or reachable from the network without both certificates; if only one of them is
+        given; or if the mark is below 1 (unbounded).
     """
 
     bind: str = DEFAULT_ENDPOINT
     high_water_mark: int = DEFAULT_HIGH_WATER_MARK
+    server_key: str | None = None
+    allowed_clients: str | None = None
 
     def __post_init__(self) -> None:
-        _check_endpoint(self.bind)
+        if (self.server_key is None) != (self.allowed_clients is None):
+            raise InputError(
+                "[publish] server_key and allowed_clients go together, and one of them is missing",
+                remedy=HOW_TO_ENCRYPT,
+            )
+        if not is_local(self.bind) and self.server_key is None:
+            raise InputError(
+                "publishing to the network is refused without encryption (CURVE), because everybody there could listen",
+                got=self.bind,
+                allowed=f"{ALLOWED_LOOPBACK}; any address with server_key and allowed_clients",
+                remedy=HOW_TO_ENCRYPT,
+            )
         if self.high_water_mark < 1:
             raise InputError("the publisher's high-water mark is too low", got=self.high_water_mark, allowed=">= 1")
 
@@ -109,7 +130,8 @@ class Publisher(Outlet):
     EnvironmentFault
         If the endpoint cannot be bound, such as a port in use.
     InputError
-        If the path of an ``ipc://`` endpoint is a file of another kind, which binding would replace.
+        If the path of an ``ipc://`` endpoint is a file of another kind, which binding would replace; if a certificate
+        cannot be used, or others could read the secret one.
     """
 
     def __init__(self, settings: PublishSettings, *, clock: Clock, machine: str) -> None:
@@ -119,26 +141,24 @@ class Publisher(Outlet):
         self._session = uuid.uuid4().hex
         self._seq: Counter[str] = Counter()
         self._subscriptions: set[bytes] = set()
-        if settings.bind.startswith("ipc://"):
-            path = Path(settings.bind.removeprefix("ipc://"))
-            if path.exists() and not path.is_socket():
-                raise InputError("the path to publish on is taken by a file that is not a socket", got=str(path))
         self._context = zmq.Context()
+        self._guard: Guard | None = None
         self._socket = self._context.socket(zmq.XPUB)
         self._socket.sndhwm = settings.high_water_mark
         self._socket.linger = LINGER_MS
         self._socket.setsockopt(zmq.XPUB_NODROP, 1)  # a full queue is reported, see _send
-        self._socket.ipv6 = "[" in settings.bind
         try:
-            self._socket.bind(settings.bind)
-        except zmq.ZMQError as error:
+            if settings.server_key is not None and settings.allowed_clients is not None:
+                self._guard = Guard(
+                    self._context,
+                    server_key=Path(settings.server_key),
+                    allowed_clients=Path(settings.allowed_clients),
+                )
+                self._guard.protect(self._socket)
+            self.endpoint = bind(self._socket, settings.bind, setting="[publish] bind")
+        except ChatterMonitorError:
             self.close()
-            raise EnvironmentFault(
-                f"cannot publish: {zmq.strerror(error.errno or 0)}",
-                got=settings.bind,
-                remedy="Another program may hold the port; choose another one with [publish] bind.",
-            ) from error
-        self.endpoint: str = self._socket.getsockopt_string(zmq.LAST_ENDPOINT)
+            raise
 
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Publish all samples of an interval on ``odp.<channel>``, its summary in the header."""
@@ -180,6 +200,8 @@ class Publisher(Outlet):
     def close(self) -> None:
         """Give connected subscribers a bounded time to take the last messages, and free the port."""
         self._socket.close()
+        if self._guard is not None:
+            self._guard.close()
         self._context.term()
 
     def _header(self, topic: str, sample0: int) -> Header:
@@ -217,27 +239,3 @@ class Publisher(Outlet):
                 self._subscriptions.add(note[1:])
             elif note.startswith(b"\x00"):
                 self._subscriptions.discard(note[1:])
-
-
-def _check_endpoint(endpoint: str) -> None:
-    """Refuse endpoints that are malformed or that another machine could reach."""
-    if re.fullmatch(r"ipc://[^\s*]+", endpoint):
-        return
-    tcp = re.fullmatch(r"tcp://(?:\[(?P<ipv6>[^\[\]]+)\]|(?P<host>[^\s:;\[\]]+)):(?P<port>\*|\d{1,5})", endpoint)
-    if tcp is None or (tcp["port"] != "*" and int(tcp["port"]) > 65535):
-        raise InputError("this is no endpoint to publish on", got=endpoint, allowed=ALLOWED_BINDS)
-    if not _is_loopback(tcp["ipv6"] or tcp["host"]):
-        raise InputError(
-            "publishing to the network is refused, because everybody there could listen",
-            got=endpoint,
-            allowed=ALLOWED_BINDS,
-            remedy="Encrypted publishing (CURVE) is not supported yet; bridge or tunnel from this machine instead.",
-        )
-
-
-def _is_loopback(host: str) -> bool:
-    """Whether a host name or address means this machine only; names but localhost may mean anything."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
