@@ -73,12 +73,15 @@ class Memory:
         Intervals in a row with, and without, a reason for an alarm.
     alarm_rms : float or None
         Largest level since the alarm was raised; None while there is none.
+    spindle_is_new : bool
+        Speed or teeth have changed since the last interval that could be judged.
     """
 
     loudest: float = 0.0
     suspicious: int = 0
     calm: int = 0
     alarm_rms: float | None = None
+    spindle_is_new: bool = False
 
 
 def forced_order(mode: ModeEvidence, spindle: SpindleSettings, tolerance: float) -> int | None:
@@ -159,6 +162,16 @@ class Judge:
         self._forgetting = 1.0 - interval_s / 60.0
         self._memory = Memory()
 
+    def set_spindle(self, spindle: SpindleSettings) -> None:
+        """Judge by another speed or number of teeth, from the next interval on.
+
+        If that interval turns out to be forced, a running alarm ends with it: the alarm was raised for want of the
+        right speed, and there is nothing that has to die down first.
+        """
+        if spindle != self._spindle:
+            self._spindle = spindle
+            self._memory = replace(self._memory, spindle_is_new=True)
+
     def verdict(self, evidence: Evidence, first_sample: int, samples: int, sample_rate_hz: float) -> Verdict:
         """Judge the next interval."""
         settings = self._settings
@@ -175,10 +188,14 @@ class Judge:
         elif memory.alarm_rms is not None:
             loudest = max(memory.alarm_rms, level)
             memory = replace(memory, alarm_rms=loudest)
-            if memory.calm >= settings.calm_intervals and (
-                evidence.rms < settings.release_ratio * loudest or view.state in ("forced", "idle")
+            forced_all_along = memory.spindle_is_new and view.state == "forced"
+            if forced_all_along or (
+                memory.calm >= settings.calm_intervals
+                and (evidence.rms < settings.release_ratio * loudest or view.state in ("forced", "idle"))
             ):
                 memory = replace(memory, alarm_rms=None, suspicious=0)
+        if view.state != "unknown":
+            memory = replace(memory, spindle_is_new=False)
 
         if memory.alarm_rms is not None and view.state not in ("self_excited", "unknown"):
             view = Opinion("self_excited", 0.7, ("the vibration has not died down since the alarm", *view.reasons))

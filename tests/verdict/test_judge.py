@@ -318,3 +318,49 @@ def test_the_end_of_the_recording_ends_the_event():
     log.follow(verdict_of("self_excited", 0))
     assert log.finish(0).end_s == pytest.approx(0.05)
     assert log.finish(0) is None
+
+
+LINE = evidence(0.0, frequency=ON_HARMONIC_HZ)  # a narrow line, forced if the spindle turns as `MILL` does
+
+
+def states_around(change, before, after):
+    """States of intervals before and after another spindle is set, the judge knowing none at first."""
+    judge = Judge(JudgeSettings(), SpindleSettings())
+    seen = []
+    for i, each in enumerate([*before, *after]):
+        if i == len(before):
+            judge.set_spindle(change)
+        seen.append(judge.verdict(each, 640 * i, 640, 12_800.0).state)
+    return seen[len(before) - 1 :]
+
+
+@pytest.mark.parametrize(("lines", "state"), [(1, "approaching"), (5, "self_excited")])
+def test_the_spindle_speed_makes_a_line_forced_at_once(lines, state):
+    """A warning or an alarm about a line ends with the first interval that is judged by the right speed."""
+    assert states_around(MILL, [LINE] * lines, [LINE] * 2) == [state, "forced", "forced"]
+
+
+def test_loss_puts_off_what_the_spindle_speed_says():
+    """An interval that nobody heard right after the speed was set does not cost the withdrawal of the alarm."""
+    assert states_around(MILL, [LINE] * 5, [LOST, LINE]) == ["self_excited", "unknown", "forced"]
+
+
+@pytest.mark.parametrize(
+    ("change", "after"),
+    [
+        (SpindleSettings(), LINE),  # the same as before
+        (SpindleSettings(speed_rpm=1600.0, teeth=6), LINE),  # a speed that does not explain the line
+        (MILL, CHATTER),
+        (MILL, CALM),  # nothing says that what was loud is over
+    ],
+)
+def test_another_spindle_speed_alone_ends_no_alarm(change, after):
+    """Unless it explains the line, a new speed leaves an alarm as it is."""
+    assert set(states_around(change, [evidence(0.0, frequency=after.critical.frequency_hz)] * 5, [after] * 9)) == {
+        "self_excited"
+    }
+
+
+def test_only_the_first_interval_at_a_new_speed_ends_an_alarm():
+    """Once an interval was judged by the new speed, an alarm ends by its usual rules again."""
+    assert states_around(MILL, [CHATTER] * 5, [CHATTER, LINE, LINE]) == ["self_excited"] * 4
