@@ -1,0 +1,1 @@
+"""The figures of Nicolescu and Archenti (2013), made again with this package: ``python -m docs.paper``."""
