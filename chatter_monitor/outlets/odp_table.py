@@ -97,6 +97,10 @@ class OdpTable(Outlet):
 
     def frame(self, frame: OdpFrame, odp: Odp) -> None:  # noqa: ARG002  the table has every sample, not the summary
         """Append all samples of the frame."""
+        self.append(frame)
+
+    def append(self, frame: OdpFrame) -> None:
+        """Append all samples of a frame, of which the summary is not at hand."""
         done = 0
         while done < len(frame):
             count = min(len(frame) - done, ROWS_PER_GROUP - self._rows)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Protocol, Self
 
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, Verdict
 
 
 class Outlet(Protocol):
@@ -14,11 +14,19 @@ class Outlet(Protocol):
     Use it as a context manager: leaving by an exception lets an outlet discard what is worth nothing incomplete.
     """
 
+    def block(self, block: Block) -> None:  # noqa: ARG002  most outlets have no use for it
+        """Take samples of all channels at the tracker's rate, before the frames that they complete come."""
+        return
+
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Take one verdict interval of one channel: every sample, and the summary, which has all mode slots."""
 
     def message(self, message: Verdict | Event | Health) -> None:
         """Take one message of the public contract."""
+
+    def problems(self) -> list[str]:
+        """What is wrong with this outlet at the moment, as reasons for the health message."""
+        return []
 
     def close(self) -> None:
         """Bring out what is still buffered and let go of the resource; a second call does nothing."""
