@@ -2,7 +2,8 @@
 
     python -m benchmarks.identification [--repeats N] [--cases N] [stiffness damping excitation recordings speed]
 
-The method was developed on seeds below 200, its faults were found on 1000-1099; what is reported starts at 2000.
+The method was developed on seeds below 200; two faults of it showed on 1000-1099 and 2000-2099 and were traced and
+mended on those below 200. What is reported starts at 3000.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from tests.energy.reference import (
     turbulent,
 )
 
-FIRST_SEED = 2000
+FIRST_SEED = 3000
 RATE = 12800.0
 SHARES = [0.025, 0.1, 0.25, 0.5, 0.75, 0.9, 0.975]
 DATA = Path(__file__).parents[1] / ".." / "shared" / "data"

@@ -23,10 +23,11 @@ Quantity = Literal["displacement", "velocity", "acceleration"]
 DERIVATIVES: dict[Quantity, int] = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 WIDEST = 8.0  # band from f0 / WIDEST to f0 * WIDEST where nothing else stands in the way
-FLOOR_MARGIN = 3.0  # the band ends where the spectrum comes this near to the noise floor ...
-NOISE_BUDGET = 0.005  # ... once the floor adds up to this share of the kinetic energy: up to there wider is better
+FLOOR_MARGIN = 3.0  # the band ends where the spectrum comes this near to a noise floor beyond the budget
+BUDGET = 0.005  # share of the kinetic energy that noise, or another peak, may add up to: up to there wider is better
 NARROWEST = 4  # half-width of the band in lines of the spectrum
 VALLEY = 10.0  # another peak that rises by this factor out of its valley is not this mode
+OWN_WIDTH = 0.15  # relative distance from f0 within which a peak is the mode itself at another energy
 HARMONIC_WIDTH = 0.1  # relative distance from 2 f0, 3 f0, ... within which a peak belongs to the mode
 MINOR = 0.02  # share of the kinetic energy that makes another peak worth a warning
 
@@ -119,9 +120,9 @@ def _edge(
     """Walk from the peak outwards until the noise floor or the valley before another peak."""
     smooth = dsp.medfilt(density, 5)
     near = np.abs(frequency - peak_hz) < 0.25 * peak_hz
-    budget = NOISE_BUDGET * float(np.sum(density[near] * to_velocity[near]))
+    budget = BUDGET * float(np.sum(density[near] * to_velocity[near]))
     valley = peak
-    noise = 0.0
+    noise = risen = 0.0
     last = frequency.size - 2 if step > 0 else 1
     for i in range(peak + step, last, step):
         if not peak_hz / WIDEST <= frequency[i] <= peak_hz * WIDEST:
@@ -133,10 +134,13 @@ def _edge(
             return i
         if smooth[i] < smooth[valley]:
             valley = i
+            risen = 0.0
         order = frequency[i] / peak_hz
-        harmonic = order > 1.5 and abs(order - round(order)) < HARMONIC_WIDTH * order
-        if not harmonic and density[i] > VALLEY * smooth[valley]:
-            return valley
+        own = abs(order - 1.0) < OWN_WIDTH or (order > 1.5 and abs(order - round(order)) < HARMONIC_WIDTH * order)
+        if not own and density[i] > VALLEY * smooth[valley]:
+            risen += density[i] * to_velocity[i]
+            if risen > budget:
+                return valley
     return last
 
 
