@@ -16,6 +16,7 @@ import msgspec
 
 from chatter_monitor.acquisition.settings import InputSettings
 from chatter_monitor.errors import InputError
+from chatter_monitor.outlets.control import ControlSettings
 from chatter_monitor.outlets.publisher import PublishSettings
 from chatter_monitor.tracking.tracker import TrackerSettings
 from chatter_monitor.verdict.evidence import SpindleSettings
@@ -62,6 +63,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tracker: TrackerSettings = TrackerSettings()
     verdict: JudgeSettings = JudgeSettings()
     publish: PublishSettings = PublishSettings()
+    control: ControlSettings = ControlSettings()
     recorder: RecorderSettings = RecorderSettings()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -11,10 +11,11 @@ import numpy as np
 
 from chatter_monitor.acquisition.source import Source
 from chatter_monitor.config import Settings
+from chatter_monitor.outlets.control import Command, Mark, SetSpindle
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Event, Flag, Health, Mode, Odp, OdpFrame, Verdict
 from chatter_monitor.tracking.tracker import INTERVAL_S, Tracker
-from chatter_monitor.verdict.evidence import weigh
+from chatter_monitor.verdict.evidence import SpindleSettings, weigh
 from chatter_monitor.verdict.judge import EventLog, Judge
 
 
@@ -71,6 +72,8 @@ class Monitor:
         Seconds on a steady clock, for latencies.
     dropped : callable
         Publications dropped so far.
+    commands : callable
+        Commands that have come since the last call; they are carried out between two blocks.
     """
 
     def __init__(
@@ -84,12 +87,15 @@ class Monitor:
         session: str,
         clock: Callable[[], float],
         dropped: Callable[[], int] = lambda: 0,
+        commands: Callable[[], Iterable[Command]] = lambda: (),
     ) -> None:
         self._source = source
         self._outlets = outlets
         self._counts = counts
         self._clock = clock
         self._dropped = dropped
+        self._commands = commands
+        self._marks: list[str] = []
         self._trackers = [Tracker(settings.tracker, c, source_rate_hz) for c in range(source.channels)]
         self._judges = [
             Judge(settings.verdict, settings.spindle, c, interval_s=INTERVAL_S) for c in range(source.channels)
@@ -106,6 +112,7 @@ class Monitor:
         health_due = self._source.sample_rate_hz
         for block in self._source.blocks():
             began = self._clock()
+            self._obey(block.first_sample / self._source.sample_rate_hz)
             end = block.first_sample + len(block.samples)
             self._tally.samples += len(block.samples)
             self._tally.lost += block.lost
@@ -129,6 +136,16 @@ class Monitor:
                 self._send(event)
         self._send(self._health(end / self._source.sample_rate_hz, finished=True))
 
+    def _obey(self, t: float) -> None:
+        """Carry out the commands that have come before the block that begins at `t`."""
+        for command in self._commands():
+            match command:
+                case SetSpindle():
+                    for judge in self._judges:
+                        judge.set_spindle(SpindleSettings(command.rpm, command.teeth))
+                case Mark():
+                    self._marks.append(f"mark at {t:.2f} s: {command.text}")
+
     def _deliver(self, frame: OdpFrame) -> None:
         verdict = self._judges[frame.channel].verdict(
             weigh(frame), frame.first_sample, len(frame), frame.sample_rate_hz
@@ -150,6 +167,8 @@ class Monitor:
         latencies_ms = 1000.0 * np.array(tally.latencies_s) if tally.latencies_s else None
         tally.latencies_s = []
         reasons = [f"{tally.lost} samples lost"] if tally.lost else []
+        reasons += self._marks
+        self._marks = []
         return Health(
             t=t,
             state="finished" if finished else "hearing",

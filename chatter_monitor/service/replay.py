@@ -20,6 +20,7 @@ from chatter_monitor.acquisition.resample import Resampled
 from chatter_monitor.acquisition.source import Source
 from chatter_monitor.config import Settings
 from chatter_monitor.kernels import is_compiled
+from chatter_monitor.outlets.control import Control
 from chatter_monitor.outlets.json_lines import JsonLines
 from chatter_monitor.outlets.odp_table import OdpTable
 from chatter_monitor.outlets.outlet import Outlet
@@ -86,6 +87,9 @@ class Replay:
                 modes, machine = settings.tracker.modes, settings.machine.name
                 table = OdpTable(self.odp_table, modes=modes, sample_rate_hz=rate_hz, machine=machine)
                 outlets.append(stack.enter_context(table))
+            control = self._control()
+            if control is not None:
+                outlets.append(stack.enter_context(control))
             publisher = stack.enter_context(self._publisher()) if self.publish else None
             if publisher is not None:
                 outlets.append(publisher)
@@ -99,6 +103,7 @@ class Replay:
                 session=self.file.stem,
                 clock=time.perf_counter,
                 dropped=lambda: 0 if publisher is None else publisher.dropped,
+                commands=lambda: () if control is None else control.commands(),
             )
             with _progress(source.length) as advance:
                 for done in monitor.run():
@@ -108,6 +113,13 @@ class Replay:
             sys.stdout.write(msgspec.json.encode(summary).decode() + "\n")
         else:
             timeline.show(Console(), summary)
+
+    def _control(self) -> Control | None:
+        """Control socket, if it is configured and somebody can use it: at full speed the recording is over too soon."""
+        endpoint = self.settings.control.bind
+        if endpoint is None or not self.real_time:
+            return None
+        return Control(endpoint, machine=self.settings.machine.name, spindle=self.settings.spindle)
 
     def _recording(self) -> Recording:
         selected = self.settings.input
