@@ -108,6 +108,8 @@ class Stretch:
     ----------
     event : Event
         What happened.
+    origin : Origin
+        Where it comes from.
     frames : sequence of OdpFrame
         Of the event's channel, without a gap; their samples are the ones that are kept.
     blocks : sequence of Block
@@ -117,6 +119,7 @@ class Stretch:
     """
 
     event: Event
+    origin: Origin
     frames: Sequence[OdpFrame]
     blocks: Sequence[Block]
     truncated: bool
@@ -131,9 +134,9 @@ class Stretch:
         """Index after the last sample."""
         return self.frames[-1].first_sample + len(self.frames[-1])
 
-    def signal(self, channels: int) -> tuple[NDArray[np.float64], int]:
+    def signal(self) -> tuple[NDArray[np.float64], int]:
         """Samples, shape (n, channels), NaN where there are none, and how many the monitor never got."""
-        samples = np.full((self.end_sample - self.first_sample, channels), np.nan)
+        samples = np.full((self.end_sample - self.first_sample, self.origin.channels), np.nan)
         missing = len(samples)
         for block in self.blocks:
             begin = max(block.first_sample, self.first_sample)
@@ -149,7 +152,7 @@ class Stretch:
         return samples, missing
 
 
-def write(folder: Path, name: str, stretch: Stretch, origin: Origin, utc: str) -> None:
+def write(folder: Path, name: str, stretch: Stretch, utc: str) -> None:
     """Write the files of an event, called `name`, into a folder.
 
     Parameters
@@ -160,8 +163,6 @@ def write(folder: Path, name: str, stretch: Stretch, origin: Origin, utc: str) -
         The event's name in the store, which becomes its id.
     stretch : Stretch
         The event.
-    origin : Origin
-        Where it comes from.
     utc : str
         Time of the first sample.
 
@@ -170,7 +171,8 @@ def write(folder: Path, name: str, stretch: Stretch, origin: Origin, utc: str) -
     OSError, ChatterMonitorError
         If the disk is full or fails.
     """
-    samples, missing = stretch.signal(origin.channels)
+    origin = stretch.origin
+    samples, missing = stretch.signal()
     suffix, sound = _sound_file(samples * origin.full_scale_per_unit, round(origin.sample_rate_hz))
     (folder / f"{name}{suffix}").write_bytes(sound)
     table = folder / f"{name}.parquet"

@@ -7,7 +7,7 @@ import queue
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -20,6 +20,7 @@ from chatter_monitor.outlets.event_store import EventWriter
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, Verdict
 from chatter_monitor.tracking.tracker import INTERVAL_S
+from chatter_monitor.verdict.evidence import SpindleSettings
 
 # Recordings that wait for the disk. A disk that does not keep up with that many is broken or full.
 WAITING = 4
@@ -57,6 +58,8 @@ class _Take:
 
     Attributes
     ----------
+    origin : Origin
+        Where it comes from, with the spindle speed at the onset.
     frames : list of OdpFrame
         So far.
     limit : int
@@ -71,6 +74,7 @@ class _Take:
         The samples, when all of them have come.
     """
 
+    origin: Origin
     frames: list[OdpFrame]
     limit: int
     end: int
@@ -109,7 +113,8 @@ class FlightRecorder(Outlet):
 
     The thread that delivers (the monitor's) owns the object: it copies blocks, remembers as much as may be needed, and
     hands whole stretches to a queue. A thread of the recorder's own takes them out and owns the store and its files.
-    What the two share is that queue, and `_trouble` and `recorded`, which that thread sets and anyone may read.
+    What the two share is that queue, and `_trouble`, `recorded` and `failed`, which that thread sets and anyone may
+    read.
     Delivering never waits for the disk: a stretch that finds the queue full is lost and counted, unless the recorder is
     patient. Memory is bounded: `pre_s` of history, and for each event that is collected or waits at most
     `pre_s` + `max_s`.
@@ -133,8 +138,8 @@ class FlightRecorder(Outlet):
     ----------
     lost : int
         Recordings that were lost because the disk did not keep up.
-    recorded : int
-        Recordings that are safely on the disk.
+    recorded, failed : int
+        Recordings that are safely on the disk, and that could not be written.
     """
 
     def __init__(
@@ -145,10 +150,11 @@ class FlightRecorder(Outlet):
         *,
         utc_of: Callable[[int], str],
         patient: bool = False,
-        write_event: Callable[[Path, str, Stretch, Origin, str], None] = write,
+        write_event: Callable[[Path, str, Stretch, str], None] = write,
     ) -> None:
         self.lost = 0
         self.recorded = 0
+        self.failed = 0
         self._store = store
         self._origin = origin
         self._utc_of = utc_of
@@ -197,11 +203,18 @@ class FlightRecorder(Outlet):
             channel.alarmed = False
         self._hand_over(channel)
 
+    def spindle(self, spindle: SpindleSettings) -> None:
+        """Let recordings of events that begin from now on say so."""
+        settings = {**self._origin.settings, "spindle": msgspec.to_builtins(spindle)}
+        self._origin = replace(self._origin, settings=settings)
+
     def problems(self) -> list[str]:
         """What is wrong with recording, for the health message."""
         problems = []
         if self._trouble is not None:
             problems.append(f"events are not recorded: {self._trouble}")
+        if self.failed:
+            problems.append(f"{self.failed} recordings of events could not be written")
         if self.lost:
             problems.append(f"{self.lost} recordings of events lost, because the disk does not keep up")
         return problems
@@ -225,7 +238,7 @@ class FlightRecorder(Outlet):
         limit = frame.first_sample + self._max
         # One whose alarm ended without an event has nothing to tell.
         channel.takes = [take for take in channel.takes if take.event is not None]
-        channel.takes.append(_Take([*channel.history, frame], limit, end=limit))
+        channel.takes.append(_Take(self._origin, [*channel.history, frame], limit, end=limit))
         channel.alarmed = True
 
     def _end(self, channel: _Channel, event: Event) -> None:
@@ -246,7 +259,7 @@ class FlightRecorder(Outlet):
             if take.blocks is not None and take.event is not None:
                 channel.takes.remove(take)
                 frames = [frame for frame in take.frames if frame.first_sample < take.end]
-                self._submit(Stretch(take.event, frames, take.blocks, take.truncated))
+                self._submit(Stretch(take.event, take.origin, frames, take.blocks, take.truncated))
 
     def _submit(self, stretch: Stretch) -> None:
         try:
@@ -265,27 +278,30 @@ class FlightRecorder(Outlet):
         """Work of the writer thread, which owns the store."""
         self._attempt(self._store.open)
         while (stretch := self._queue.get()) is not None:
-            self._attempt(partial(self._write, stretch))
+            if self._attempt(partial(self._write, stretch)):
+                self.recorded += 1
+            else:
+                self.failed += 1
         self._store.close()
 
     def _write(self, stretch: Stretch) -> None:
         utc = self._utc_of(stretch.first_sample)
-        self._store.add(
-            stretch.event.id, lambda folder, name: self._write_event(folder, name, stretch, self._origin, utc)
-        )
-        self.recorded += 1
+        self._store.add(stretch.event.id, lambda folder, name: self._write_event(folder, name, stretch, utc))
 
-    def _attempt(self, action: Callable[[], None]) -> None:
+    def _attempt(self, action: Callable[[], None]) -> bool:
         """Do something with the disk; what goes wrong is told, and monitoring goes on."""
         try:
             action()
-            self._trouble = None
         except ChatterMonitorError as error:
             self._trouble = str(error)
         except OSError as error:
             self._trouble = error.strerror or str(error)
         except Exception as error:  # a bug here must not make the thread die unnoticed
             self._trouble = f"{type(error).__name__}: {error}"
+        else:
+            self._trouble = None
+            return True
+        return False
 
 
 def _end_of(block: Block) -> int:

@@ -6,6 +6,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.verdict.evidence import SpindleSettings
 
 
 class Outlet(Protocol):
@@ -16,6 +17,10 @@ class Outlet(Protocol):
 
     def block(self, block: Block) -> None:  # noqa: ARG002  most outlets have no use for it
         """Take samples of all channels at the tracker's rate, before the frames that they complete come."""
+        return
+
+    def spindle(self, spindle: SpindleSettings) -> None:  # noqa: ARG002  most outlets have no use for it
+        """Take note that from the next verdict on the spindle is taken to turn like this."""
         return
 
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
