@@ -80,8 +80,8 @@ def damping_zones(axes: Axes, damping: Damping, unit: float) -> None:
 
 
 def cubic_fit(damping: Damping) -> Polynomial:
-    """Cubic polynomial through the damping potential of the shells, as the paper fits it."""
-    inside = damping.shell_energy <= damping.energy[-1]
+    """Cubic polynomial through the damping potential of the shells where it is known well, as the paper fits it."""
+    inside = (damping.shell_energy >= damping.energy[0]) & (damping.shell_energy <= damping.energy[-1])
     return Polynomial.fit(damping.shell_energy[inside], damping.shell_potential[inside], 3)
 
 

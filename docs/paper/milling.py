@@ -10,12 +10,13 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy import signal
 
-from chatter_monitor.kernels import conditioning, odp, poles, rarma, track
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Drift, Excitation, Mode, Sensor, Spindle
 from chatter_monitor.physics.simulate import Simulation, simulate
 from chatter_monitor.physics.stability import characteristic_roots
 from chatter_monitor.physics.terms import CATALOGUE
+from chatter_monitor.records import ModeStatus
+from chatter_monitor.tracking.tracker import Tracker, TrackerSettings
 from docs.paper.drawing import CLOUD, FITTED, SHADE, TARGET, legend, new_figure
 from docs.paper.plate import Plate, Plates
 
@@ -32,10 +33,9 @@ PASSING = (3.0, 0.6, 3.0, 0.6, 3.0)  # forces at the tooth passing frequency and
 CHATTER = 3  # section
 HARMONICS_MM_S2 = (3e4, 1e4, 5e3)
 NOISE_MM = 0.003
-ORDERS = (4, 3)
-HIGH_PASS_HZ = 20.0
-MEMORY_S = 0.08
-LOW_DECIMATION, LOW_MEMORY_S = 32, 0.4  # of the second tracker, for the low mode
+LOW_DECIMATION = 32  # of the signal for the second tracker, which follows the low mode
+HIGH = TrackerSettings()  # RARMA(4,3) at 12.8 kHz
+LOW = TrackerSettings(memory_ms=400.0, sample_rate_hz=HIGH.sample_rate_hz / LOW_DECIMATION)
 ROW_S = 0.75  # of signal for one spectrum of the waterfall
 WAIT_S = 0.5  # after each edge, before numbers are taken
 
@@ -86,20 +86,20 @@ def _along(parameter: str, values: tuple[float, ...], unit: float) -> Drift:
     return Drift(parameter, tuple(times), tuple(unit * value for value in values for _ in range(2)))
 
 
-def _follow(samples: NDArray[np.float64], rate_hz: float, memory_s: float, mode_hz: float) -> Tracked:
-    """RARMA(4,3) over a signal; of its two modes the one nearer to a frequency, within a third of an octave."""
-    p, q = ORDERS
-    modes = p // 2
-    out = (*(np.zeros((samples.size, modes), np.float32) for _ in range(4)), np.zeros((samples.size, modes), np.uint8))
-    state = rarma.new_state(p, q), poles.new_state(p), odp.new_tile(p)
-    track.track(p, q, samples, *state, 1.0 - 1.0 / (memory_s * rate_hz), 0.0, rate_hz, out)
-    frequency, damping, _, damping_sd, status = out
-    octaves = np.where(status == track.OSCILLATORY, np.abs(np.log2(np.maximum(frequency, 1e-3) / mode_hz)), np.inf)
-    octaves = np.where(np.isfinite(frequency), octaves, np.inf)
+def _follow(samples: NDArray[np.float64], settings: TrackerSettings, mode_hz: float) -> Tracked:
+    """Track a signal; of the two modes take the one nearer to a frequency, within a third of an octave."""
+    tracker = Tracker(settings)
+    frames = [*tracker.process(0, samples), *tracker.finish()]
+    frequency, damping, damping_sd, status = (
+        np.concatenate([getattr(frame, column) for frame in frames])
+        for column in ("frequency_hz", "damping_ratio", "damping_sd", "status")
+    )
+    oscillatory = status == ModeStatus.OSCILLATORY
+    octaves = np.where(oscillatory, np.abs(np.log2(np.where(oscillatory, frequency, mode_hz) / mode_hz)), np.inf)
     row, slot = np.arange(samples.size), np.argmin(octaves, axis=1)
     there = octaves[row, slot] < 1.0 / 3.0
     columns = [np.where(there, column[row, slot], np.nan) for column in (frequency, damping, damping_sd)]
-    return Tracked(row / rate_hz, *columns)
+    return Tracked(row / settings.sample_rate_hz, *columns)
 
 
 def _roots(system: MachiningSystem, time_s: NDArray[np.float64], near_hz: float) -> NDArray[np.float64]:
@@ -169,18 +169,13 @@ def _waterfall(simulation: Simulation) -> Plate:
 
 
 def _recursive(simulation: Simulation) -> Plate:
-    rate = simulation.sample_rate_hz
-    filtered = np.empty_like(simulation.signal)
-    conditioning.high_pass(simulation.signal, 2.0 * np.pi * HIGH_PASS_HZ / rate, np.zeros(2), filtered)
-    second = _follow(filtered, rate, MEMORY_S, 990.0)
-    decimated = np.ascontiguousarray(signal.resample_poly(filtered, 1, LOW_DECIMATION))
-    first = _follow(decimated, rate / LOW_DECIMATION, LOW_MEMORY_S, 95.0)
-    at_full_rate = _follow(filtered, rate, MEMORY_S, 95.0)
+    second = _follow(simulation.signal, HIGH, 990.0)
+    at_full_rate = _follow(simulation.signal, HIGH, 95.0)
+    first = _follow(signal.resample_poly(simulation.signal, 1, LOW_DECIMATION), LOW, 95.0)
     figure, (sound, frequencies, low, high) = new_figure(
         4, 1, width=9.0, height=9.0, sharex=True, height_ratios=(2, 2, 2, 3)
     )
-    time = np.arange(filtered.size) / rate
-    sound.plot(time[::4], simulation.signal[::4], color=FITTED, lw=0.3)
+    sound.plot(second.time_s[::4], simulation.signal[::4], color=FITTED, lw=0.3)
     sound.set(ylabel="sound pressure, Pa")
     _sections(sound, height=1.0)
     for mode, colour, name in (
@@ -210,7 +205,7 @@ def _recursive(simulation: Simulation) -> Plate:
         legend(axes, loc="upper right", ncols=3)
     high.set(xlim=(0.0, EDGES_S[-1]), xlabel="time, s")
     medians = [second.median_damping(section) for section in range(len(NAMES))]
-    low_medians = [first.median_damping(section) for section in range(1, len(NAMES))]
+    start, *low_medians = (first.median_damping(section) for section in range(len(NAMES)))
     truth = _roots(simulation.system, np.array([0.5 * (EDGES_S[2] + EDGES_S[3])]), 95.0)[0]
     fell = second.time_s[(second.time_s > EDGES_S[CHATTER] - RAMP_S) & (second.damping_ratio < 0.002)][0]
     found = float(np.mean(np.isfinite(at_full_rate.frequency_hz)))
@@ -226,9 +221,10 @@ def _recursive(simulation: Simulation) -> Plate:
         f"from the edge of the section at {EDGES_S[CHATTER]:.0f} s. Far from the limit it reads above the least stable "
         "root, because a cut with a delay has many roots and the model two modes. The low mode is **not** taken from "
         f"the signal at 12.8 kHz, where RARMA(4,3) has it in {100 * found:.0f} % of the samples (its second pole "
-        f"pair is spent elsewhere), but from a second RARMA(4,3) on the signal decimated to {rate / LOW_DECIMATION:.0f} Hz, "
-        f"memory {LOW_MEMORY_S:g} s: {100 * min(low_medians):.1f} to {100 * max(low_medians):.1f} % in the sections "
-        f"after the first, with a root of {100 * truth:.1f} % over the pockets.",
+        "pair is spent elsewhere), but from a second RARMA(4,3) on the signal decimated to "
+        f"{LOW.sample_rate_hz:.0f} Hz, memory {1e-3 * LOW.memory_ms:g} s: {100 * start:.1f} % in the first section, "
+        f"where it is still settling, then {100 * min(low_medians):.1f} to {100 * max(low_medians):.1f} %, with a root "
+        f"of {100 * truth:.1f} % over the pockets.",
         {
             "chatter_damping": medians[CHATTER],
             "stable_damping": medians[2],

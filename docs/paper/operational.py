@@ -35,7 +35,6 @@ SOFT, HARD = -20e-6, 4e-6  # 1/um^2: a joint loaded tangentially, and one loaded
 STABLE_CUT, UNSTABLE_CUT = 0.5, 1.5  # process stiffness over `LIMIT`
 GAIN = 1e-9  # Pa per um/s^2
 DURATION_S = 60.0
-BAND_HZ = (80.0, 1300.0)  # to the third harmonic and beyond; the package's own choice ends before the cut's next root
 
 
 def cut(strength: float, cubic: float, noise_um: float = NOISE_UM) -> MachiningSystem:
@@ -52,18 +51,18 @@ def plates() -> Plates:
     """A stable cut with a softening joint and an unstable one with a hardening joint."""
     unstable = cut(UNSTABLE_CUT, HARD)
     near_chatter = _identified(unstable, seed=15)
-    others = _identified(cut(UNSTABLE_CUT, 0.0), seed=15), _identified(unstable, seed=15, band_hz=None)
+    plain = _identified(cut(UNSTABLE_CUT, 0.0), seed=15)
     yield _stable(_identified(cut(STABLE_CUT, SOFT), seed=14))
-    yield _hard(near_chatter, *others, float(rightmost_root(unstable).damping_ratio))
+    yield _hard(near_chatter, plain, float(rightmost_root(unstable).damping_ratio))
     yield _damping_potential(near_chatter, _cycle_energy(cut(UNSTABLE_CUT, HARD, noise_um=0.01)))
     yield _covariance(near_chatter)
     yield _equivalent(near_chatter)
 
 
-def _identified(system: MachiningSystem, seed: int, band_hz: tuple[float, float] | None = BAND_HZ) -> Identification:
+def _identified(system: MachiningSystem, seed: int) -> Identification:
     """From the microphone's signal over its gain, which is the acceleration above 20 Hz."""
     simulation = simulate(system, DURATION_S, seed, settle_s=2.0)
-    return identify(simulation.signal / GAIN, simulation.sample_rate_hz, "acceleration", band_hz=band_hz)
+    return identify(simulation.signal / GAIN, simulation.sample_rate_hz, "acceleration")
 
 
 def _cycle_energy(quiet: MachiningSystem) -> float:
@@ -103,14 +102,14 @@ def _stable(result: Identification) -> Plate:
         "Potential of a stable cut",
         figure,
         "U(x) of the stable process bends below the linear system at its natural frequency: a soft characteristic.",
-        f"At {_largest(result):.0f} µm U(x) is {100 * _departure(result):+.1f} % off the linear one. The softening is put "
-        f"in: a joint loaded tangentially (section 1.1.1), cubic_stiffness of {SOFT * 1e6:.0f} per mm²; found from the "
-        f"microphone: {k3 * 1e6:.1f} ({low * 1e6:.1f} to {high * 1e6:.1f}).",
+        f"At {_largest(result):.0f} µm U(x) is {100 * _departure(result):+.1f} % off the linear one. The softening is "
+        f"put in: a joint loaded tangentially (section 1.1.1), cubic_stiffness of {SOFT * 1e6:.0f} per mm²; found from "
+        f"the microphone: {k3 * 1e6:.1f} ({low * 1e6:.1f} to {high * 1e6:.1f}).",
         {"departure": _departure(result), "k3_per_mm2": k3 * 1e6},
     )
 
 
-def _hard(result: Identification, plain: Identification, narrow: Identification, damping_ratio: float) -> Plate:
+def _hard(result: Identification, plain: Identification, damping_ratio: float) -> Plate:
     k3, low, high = _cubic_share(result)
     figure, axes = new_figure()
     potential_cloud(axes, result, None, MM2)
@@ -122,17 +121,14 @@ def _hard(result: Identification, plain: Identification, narrow: Identification,
         figure,
         "U(x) of the system entering chatter bends above the linear one: a hard characteristic, which the paper calls "
         "characteristic of self-excited vibration.",
-        f"At {_largest(result):.0f} µm U(x) is {100 * _departure(result):+.1f} % off the linear one; the linearised cut "
-        f"has a damping ratio of {100 * damping_ratio:+.2f} %. **Not reproduced: the same machine turning from soft to "
-        "hard.** The hardening is put in as well, as a joint loaded normally, cubic_stiffness of "
+        f"At {_largest(result):.0f} µm U(x) is {100 * _departure(result):+.1f} % off the linear one; the linearised "
+        f"cut has a damping ratio of {100 * damping_ratio:+.2f} %. **Not reproduced: the same machine turning from "
+        "soft to hard.** The hardening is put in as well, as a joint loaded normally, cubic_stiffness of "
         f"{HARD * 1e6:+.0f} per mm², which alone gives {50 * HARD * _largest(result) ** 2:+.1f} % there; found "
         f"{k3 * 1e6:.1f} ({low * 1e6:.1f} to {high * 1e6:.1f}). The difference is not resolved: the regenerative force "
-        "acts as a spring too, whose phase changes with the frequency and so with the energy. "
-        f"Regeneration and loss of contact without the joint give {100 * _departure(plain):+.1f} %: self-excitation by "
-        f"itself does not harden this cut. For figs. 14 to 18 the band was given, {BAND_HZ[0]:.0f} to "
-        f"{BAND_HZ[1]:.0f} Hz; the one that `identify` chooses for this signal, {narrow.band.low_hz:.0f} to "
-        f"{narrow.band.high_hz:.0f} Hz, ends before the cut's next root, without the harmonics, and shows "
-        f"{100 * _departure(narrow):+.1f} %.",
+        "acts as a spring too, whose phase changes with the frequency and so with the energy. Regeneration and loss of "
+        f"contact without the joint give {100 * _departure(plain):+.1f} %: self-excitation by itself does not harden "
+        "this cut.",
         {"departure": _departure(result), "departure_without_joint": _departure(plain), "k3_per_mm2": k3 * 1e6},
     )
 
