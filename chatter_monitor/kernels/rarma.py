@@ -38,6 +38,8 @@ VARIANCE_SPEED = 8.0
 SURPRISE = 4.0
 # Zeros of C are contracted to this share of the memory's radius, so that the next sample does not push them out again.
 CONTRACTION = 0.999
+# After a gap the regressors are wrong until the filter 1/C has forgotten it; waiting this share of the memory is cheap.
+REFILL_SHARE = 0.25
 # Larger samples overflow when squared and filtered; no sensor means them.
 LARGEST_SAMPLE = 1e100
 # How often the bound on the covariance is checked, in samples.
@@ -54,7 +56,7 @@ USUAL_VARIANCE = 6  # innovation variance averaged over the memory
 # Indices into RarmaState.counts (int64)
 ADAPTED = 0  # samples adapted to, since the start
 REPEATS = 1  # how long the signal has not changed
-REFILL = 2  # samples to wait after a gap until the regressors are whole again
+REFILL = 2  # samples to wait after a gap until the regressors mean something again
 FORGETTING_STOPPED = 3  # 1 while the covariance is at its bound
 MISSING = 4  # non-finite samples met, since the start
 CONTRACTIONS = 5  # times C had to be contracted, since the start
@@ -143,11 +145,11 @@ def contract(q, c, zeros, radius):
 
 
 @njit(**OPTIONS)
-def forget_regressors(p, q, state):
-    """After missing samples: the past is unknown, so empty the regressors and wait until they are whole again."""
+def forget_regressors(state, forgetting):
+    """After missing samples: the past is unknown, so empty the regressors and wait until they mean something again."""
     state.phi[:] = 0.0
     state.psi[:] = 0.0
-    state.counts[REFILL] = p + q
+    state.counts[REFILL] = int(REFILL_SHARE / (1.0 - forgetting))
     state.counts[REPEATS] = 0
 
 
@@ -196,7 +198,7 @@ def step(p, q, sample, state, forgetting, freeze_power):
     n = p + q
     if not abs(sample) < LARGEST_SAMPLE:
         counts[MISSING] += 1
-        forget_regressors(p, q, state)
+        forget_regressors(state, forgetting)
         return False
 
     counts[REPEATS] = counts[REPEATS] + 1 if sample == level[LAST_SAMPLE] else 0

@@ -78,8 +78,8 @@ class OdpTable(Outlet):
             },
         )
         try:
-            if path.is_dir():
-                raise IsADirectoryError(None, "It is a directory")
+            if path.exists() and not path.is_file():  # a device would be replaced by the table
+                raise OSError(None, "It is not a regular file")
             self._file = pa.OSFile(str(self._unfinished), "wb")
         except OSError as error:
             raise InputError(

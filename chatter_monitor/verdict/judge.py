@@ -176,7 +176,10 @@ class Judge:
         """Judge the next interval."""
         settings = self._settings
         level = 0.0 if evidence.flags & DEAF else evidence.rms  # what is not to be trusted sets no level
-        memory = replace(self._memory, loudest=max(level, self._memory.loudest * self._forgetting))
+        loudest = self._memory.loudest
+        # it at most doubles with each interval, so that one click does not make a quiet cut look idle for minutes
+        credible = min(level, 2.0 * loudest) if loudest > 0.0 else level
+        memory = replace(self._memory, loudest=max(credible, loudest * self._forgetting))
         view = opinion(evidence, memory, self._spindle, settings)
         if view.state == "self_excited":
             memory = replace(memory, suspicious=memory.suspicious + 1, calm=0)
@@ -186,12 +189,12 @@ class Judge:
         if memory.alarm_rms is None and memory.suspicious >= settings.alarm_intervals:
             memory = replace(memory, alarm_rms=evidence.rms)
         elif memory.alarm_rms is not None:
-            loudest = max(memory.alarm_rms, level)
-            memory = replace(memory, alarm_rms=loudest)
+            alarm_rms = max(memory.alarm_rms, level)
+            memory = replace(memory, alarm_rms=alarm_rms)
             forced_all_along = memory.spindle_is_new and view.state == "forced"
             if forced_all_along or (
                 memory.calm >= settings.calm_intervals
-                and (evidence.rms < settings.release_ratio * loudest or view.state in ("forced", "idle"))
+                and (evidence.rms < settings.release_ratio * alarm_rms or view.state in ("forced", "idle"))
             ):
                 memory = replace(memory, alarm_rms=None, suspicious=0)
         if view.state != "unknown":

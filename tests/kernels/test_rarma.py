@@ -137,7 +137,8 @@ def test_samples_that_are_no_numbers_are_missing_samples(bad: float) -> None:
     y[40_000:41_000] = bad
     out = channel.run(y)
     assert channel.recursion.counts[rarma.MISSING] == 1003
-    assert np.all(out[4][40_000:41_007] == track.HELD)
+    assert np.all(out[4][40_000:41_256] == track.HELD)
+    assert np.all(out[4][41_256:] == track.OSCILLATORY)
     assert np.all(np.isfinite(out[1][19_000:40_500]))
     settle(channel)
 

@@ -24,7 +24,7 @@ def test_errors_are_near_the_bound_and_intervals_hold(name: str) -> None:
 
 @pytest.mark.slow
 def test_a_mode_below_150_hz_is_at_the_limit() -> None:
-    """At 95 Hz the frequency still reaches the bound; the damping scatters up to twice the bound, as the README says."""
+    """At 95 Hz the frequency still reaches the bound, and the damping scatters more, as the README says."""
     low, high = measure(*CASES["95 Hz 3 %, 990 Hz 3 %"], WINDOWS)
     assert low.frequency_rmse_to_bound < 1.2
     assert 1.2 < low.damping_rmse_to_bound < 2.0

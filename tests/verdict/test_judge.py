@@ -364,3 +364,15 @@ def test_another_spindle_speed_alone_ends_no_alarm(change, after):
 def test_only_the_first_interval_at_a_new_speed_ends_an_alarm():
     """Once an interval was judged by the new speed, an alarm ends by its usual rules again."""
     assert states_around(MILL, [CHATTER] * 5, [CHATTER, LINE, LINE]) == ["self_excited"] * 4
+
+
+def test_one_click_does_not_hide_a_quiet_cut():
+    """After a single interval ten thousand times as loud, the cut is not taken for idle."""
+    quiet, click = evidence(0.02, rms=1e-4), evidence(0.02, rms=1.0)
+    assert set(states(quiet, quiet, click, *[quiet] * 20)) == {"stable"}
+
+
+def test_idle_is_known_soon_after_a_start_from_silence():
+    """The level of cutting is learned within a second, however quiet it was before."""
+    loud = evidence(0.02, rms=1.0)
+    assert states(*[evidence(None, rms=1e-6)] * 3, *[loud] * 20, evidence(None, rms=1e-4))[-1] == "idle"
