@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 @pytest.mark.parametrize(("damping_ratio", "allowed"), [(0.001, 0.02), (0.01, 0.05)])
 def test_stiffness_and_its_intervals(damping_ratio, allowed):
-    """U(x) stays within 2 % (5 % at 1 % damping) in each of 30 records; k1, k3 are in 27 intervals or more."""
+    """U(x) stays within 2 % (5 % at 1 % damping) in each of 30 records, and the intervals of k1, k3 cover 95 %."""
     oscillator = noise_driven(damping_ratio, k3=0.0375)
     x = np.linspace(0.05, 2.3, 40)
     true = 0.5 * oscillator.k1 * x**2 + 0.25 * oscillator.k3 * x**4
@@ -27,7 +27,8 @@ def test_stiffness_and_its_intervals(damping_ratio, allowed):
         for side in (-1.0, 1.0):
             np.testing.assert_allclose(s.potential.energy(side * x), true, rtol=allowed)
         caught += [s.k1_ci95[0] < oscillator.k1 < s.k1_ci95[1], s.k3_ci95[0] < oscillator.k3 < s.k3_ci95[1]]
-    assert (caught >= 27).all()
+    # 24 or fewer of 30 has a probability of 0.3 % at 95 %. The 93 of 100 of the issue is the benchmark's to show.
+    assert (caught >= 25).all()
 
 
 @pytest.mark.parametrize(
