@@ -325,6 +325,21 @@ def test_peers_that_break_the_protocol_below(control, client, rng):
     assert list(control.commands()) == []
 
 
+def test_a_huge_frame_ends_its_connection(control, client):
+    """The largest frame is refused with a reply; beyond it the peer is cut off before the frame takes up memory."""
+    assert client.ask(bytes(LONGEST_FRAME))["error"].startswith("a request is one frame")
+    with zmq.Context() as context, context.socket(zmq.REQ) as other:
+        other.linger = 0
+        events = other.get_monitor_socket(zmq.EVENT_DISCONNECTED)
+        other.connect(control.endpoint)
+        other.send(bytes(LONGEST_FRAME + 1))
+        assert events.poll(WAIT_S * 1000)
+        assert not other.poll(0)
+        other.disable_monitor()
+        events.close()
+    assert client.request(command="status")["ok"]
+
+
 def test_the_rate_is_limited():
     """A burst goes through, then requests are refused until the clock has moved on; refused ones change nothing."""
     now_s = [0.0]
