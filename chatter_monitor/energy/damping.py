@@ -55,7 +55,7 @@ class Damping:
         Mean square of (h_eq - h_from_density) over the zones, in their own bootstrap variance; about 1 if the motion
         is one mode in white noise.
     band_corrected : bool
-        False if the band is too narrow to tell the damping of the mode from the filter's.
+        False if no damping of one mode explains the decay seen through the band's filter; h is then as measured.
     left_out : tuple of ZoneLeftOut
         Zones that take no part.
     """

@@ -146,7 +146,7 @@ def _checked(
 def _warnings(band: Band, stiffness: Stiffness, damping: Damping, excitation: Excitation) -> tuple[str, ...]:
     found = []
     quarter = 0.5 * (np.pi * damping.damping_ratio) ** 2
-    if quarter > BENT:
+    if damping.damping_ratio > 0.0 and quarter > BENT:
         found.append(
             f"damping is {100 * damping.damping_ratio:.1f} %: within a quarter period the energy changes so much that "
             f"U(x) is bent by up to {100 * quarter:.1f} %, which matters for a k3 of that size"
@@ -169,7 +169,8 @@ def _warnings(band: Band, stiffness: Stiffness, damping: Damping, excitation: Ex
         found.append("the energy varies too little to tell a nonlinear stiffness from a linear one")
     if not damping.band_corrected:
         found.append(
-            "the band is too narrow, or the motion too steady, to tell the damping from the filter's: h is raw"
+            "no damping of one mode explains the decay in this band (too narrow, too steady, or several modes): h and S0 "
+            "are raw and not to be trusted; give a band with one mode"
         )
     if excitation.kind == "self_excited":
         found.append("a steady forced line has the same density as a limit cycle: see whether it is a spindle order")
