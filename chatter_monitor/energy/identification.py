@@ -169,8 +169,8 @@ def _warnings(band: Band, stiffness: Stiffness, damping: Damping, excitation: Ex
         found.append("the energy varies too little to tell a nonlinear stiffness from a linear one")
     if not damping.band_corrected:
         found.append(
-            "no damping of one mode explains the decay in this band (too narrow, too steady, or several modes): h and S0 "
-            "are raw and not to be trusted; give a band with one mode"
+            "no damping of one mode explains the decay in this band (too narrow, too steady, or several modes): h and "
+            "S0 are raw and not to be trusted; give a band with one mode"
         )
     if excitation.kind == "self_excited":
         found.append("a steady forced line has the same density as a limit cycle: see whether it is a spindle order")
