@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
+
+if TYPE_CHECKING:
+    from chatter_monitor.outlets.event_store import EventStore
 
 CONFIG = click.option(
     "--config", "configs", type=click.Path(path_type=Path), multiple=True, help="Machine configuration; later ones win."
@@ -39,6 +42,7 @@ def cli() -> None:
 @click.option(
     "--odp", "odp_table", type=click.Path(path_type=Path), help="Write every sample's ODPs to a Parquet file."
 )
+@click.option("--record", type=click.Path(path_type=Path), help="Record events in a directory, as the daemon would.")
 @JSON
 @DEBUG
 def replay(
@@ -51,13 +55,20 @@ def replay(
     wait_subscriber: float,
     jsonl: Path | None,
     odp_table: Path | None,
+    record: Path | None,
     as_json: bool,
 ) -> None:
-    """Monitor a recording: WAV, FLAC, any rate, any number of channels."""
+    """Monitor a recording: WAV, FLAC, any rate, any number of channels.
+
+    A recorded event (see `events`) is replayed with the settings that it was recorded with; --config changes them.
+    """
     from chatter_monitor.config import load
+    from chatter_monitor.outlets.event_files import recorded_event
     from chatter_monitor.service.replay import Replay
 
     spindle: dict[str, Any] = {"speed_rpm": spindle_rpm, "teeth": teeth}
+    if recorded_event(file) is not None:
+        configs = (file.with_suffix(".json"), *configs)
     settings = load(configs, {"spindle": {key: value for key, value in spindle.items() if value is not None}})
     Replay(
         file=file,
@@ -67,6 +78,7 @@ def replay(
         wait_subscriber_s=wait_subscriber,
         jsonl=jsonl,
         odp_table=odp_table,
+        record=record,
     ).run(as_json=as_json)
 
 
@@ -145,6 +157,120 @@ def identify(
         click.echo(line)
     for path in written:
         click.echo(f"wrote {path}")
+
+
+class ListingGroup(click.Group):
+    """Commands of which ``list`` is meant where none is named."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put ``list`` before arguments that do not begin with a command."""
+        if not args or (args[0] not in self.commands and args[0] not in ctx.help_option_names):
+            args = ["list", *args]
+        return super().parse_args(ctx, args)
+
+
+EVENTS_DIRECTORY = click.option(
+    "--directory", type=click.Path(path_type=Path), help="Where they are; [recorder] directory by default."
+)
+
+
+@cli.group(cls=ListingGroup)
+def events() -> None:
+    """Recorded events: `events [DIR]` lists them."""
+
+
+@events.command("list")
+@click.argument("directory", metavar="[DIR]", type=click.Path(path_type=Path), required=False)
+@CONFIG
+@JSON
+@DEBUG
+def list_events(directory: Path | None, configs: tuple[Path, ...], as_json: bool) -> None:
+    """List the recorded events, oldest first."""
+    from chatter_monitor.service.events import described, lines
+
+    store = _event_store(directory, configs)
+    if as_json:
+        _print_json({"directory": str(store.directory), "events": [described(entry) for entry in store.entries()]})
+        return
+    for line in lines(store):
+        click.echo(line)
+
+
+@events.command("export")
+@click.argument("name", metavar="ID")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Directory to copy it into.")
+@EVENTS_DIRECTORY
+@CONFIG
+@JSON
+@DEBUG
+def export_event(name: str, out: Path, directory: Path | None, configs: tuple[Path, ...], as_json: bool) -> None:
+    """Copy the files of an event: samples, ODPs, JSON."""
+    store = _event_store(directory, configs)
+    copied = store.export(store.find(name), out)
+    if as_json:
+        _print_json({"exported": str(copied)})
+        return
+    click.echo(f"{copied}: exported.")
+
+
+@events.command("purge")
+@click.option("--older-than", "days", type=click.FloatRange(min=0), metavar="DAYS", help="Those recorded before that.")
+@click.option("--all", "everything", is_flag=True, help="All of them.")
+@click.option("--yes", is_flag=True, help="Really; without it, only say what would go.")
+@EVENTS_DIRECTORY
+@CONFIG
+@JSON
+@DEBUG
+def purge_events(
+    days: float | None, everything: bool, yes: bool, directory: Path | None, configs: tuple[Path, ...], as_json: bool
+) -> None:
+    """Remove recorded events, but for the protected ones."""
+    import time
+
+    from chatter_monitor.service.events import purgeable
+
+    if everything == (days is not None):
+        raise click.UsageError("Say which events: either --older-than DAYS or --all.")
+    store = _event_store(directory, configs)
+    chosen = purgeable(store.entries(), now=time.time(), older_than_days=days)
+    if yes:
+        for entry in chosen:
+            store.remove(entry)
+    if as_json:
+        _print_json({"chosen": [entry.id for entry in chosen], "removed": yes})
+        return
+    for entry in chosen:
+        click.echo(f"{entry.id}: {'removed' if yes else 'would be removed'}.")
+    if not chosen:
+        click.echo("Nothing to remove.")
+    elif not yes:
+        click.echo("Nothing has been removed; say --yes to do it.")
+
+
+@events.command("protect")
+@click.argument("name", metavar="ID")
+@click.option("--off", is_flag=True, help="Not any more.")
+@EVENTS_DIRECTORY
+@CONFIG
+@JSON
+@DEBUG
+def protect_event(name: str, off: bool, directory: Path | None, configs: tuple[Path, ...], as_json: bool) -> None:
+    """Let neither the quota nor purging remove an event."""
+    store = _event_store(directory, configs)
+    store.protect(store.find(name), protected=not off)
+    if as_json:
+        _print_json({"id": name, "protected": not off})
+        return
+    click.echo(f"{name}: {'not protected any more' if off else 'protected'}.")
+
+
+def _event_store(directory: Path | None, configs: tuple[Path, ...]) -> EventStore:
+    from chatter_monitor.config import load
+    from chatter_monitor.outlets.event_store import EventStore
+
+    if directory is None:
+        directory = Path(load(configs).recorder.directory)
+    return EventStore(directory)
 
 
 KEYS_DIRECTORY = click.option(

@@ -17,6 +17,8 @@ import msgspec
 from chatter_monitor.acquisition.settings import InputSettings
 from chatter_monitor.errors import InputError
 from chatter_monitor.outlets.control import ControlSettings
+from chatter_monitor.outlets.event_files import read
+from chatter_monitor.outlets.flight_recorder import RecorderSettings
 from chatter_monitor.outlets.publisher import PublishSettings
 from chatter_monitor.tracking.tracker import TrackerSettings
 from chatter_monitor.verdict.evidence import SpindleSettings
@@ -33,25 +35,6 @@ class MachineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     name: Annotated[str, msgspec.Meta(min_length=1, max_length=100)] = "machine"
-
-
-class RecorderSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The table ``[recorder]``: checked here already, read by the daemon to come; `replay` records nothing.
-
-    Attributes
-    ----------
-    directory : str
-        Where recordings of events go.
-    pre_s, post_s : float
-        How much is kept from before an event and from after it.
-    quota_gb : float
-        Room that all recordings together may take.
-    """
-
-    directory: Annotated[str, msgspec.Meta(min_length=1)] = "/var/lib/chatter-monitor"
-    pre_s: Annotated[float, msgspec.Meta(ge=0)] = 5.0
-    post_s: Annotated[float, msgspec.Meta(ge=0)] = 5.0
-    quota_gb: Annotated[float, msgspec.Meta(gt=0)] = 5.0
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -73,7 +56,7 @@ def load(paths: Sequence[Path], overrides: dict[str, dict[str, Any]] | None = No
     Parameters
     ----------
     paths : sequence of Path
-        TOML files; none for the defaults.
+        TOML files, or the JSON of recorded events; none for the defaults.
     overrides : dict, optional
         Tables that win over all files, such as command-line options.
 
@@ -93,6 +76,8 @@ def load(paths: Sequence[Path], overrides: dict[str, dict[str, Any]] | None = No
 
 
 def _read(path: Path) -> dict[str, Any]:
+    if path.suffix == ".json":
+        return dict(read(path).settings)
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -116,6 +116,8 @@ class Monitor:
             end = block.first_sample + len(block.samples)
             self._tally.samples += len(block.samples)
             self._tally.lost += block.lost
+            for outlet in self._outlets:
+                outlet.block(block)
             for channel, tracker in enumerate(self._trackers):
                 # The tracker flags a gap before the block where it lies; the block's length is chance.
                 flags = block.flags[channel] if block.flags else Flag.NONE
@@ -141,8 +143,11 @@ class Monitor:
         for command in self._commands():
             match command:
                 case SetSpindle():
+                    spindle = SpindleSettings(command.rpm, command.teeth)
                     for judge in self._judges:
-                        judge.set_spindle(SpindleSettings(command.rpm, command.teeth))
+                        judge.set_spindle(spindle)
+                    for outlet in self._outlets:
+                        outlet.spindle(spindle)
                 case Mark():
                     self._marks.append(f"mark at {t:.2f} s: {command.text}")
 
@@ -167,6 +172,7 @@ class Monitor:
         latencies_ms = 1000.0 * np.array(tally.latencies_s) if tally.latencies_s else None
         tally.latencies_s = []
         reasons = [f"{tally.lost} samples lost"] if tally.lost else []
+        reasons += [problem for outlet in self._outlets for problem in outlet.problems()]
         reasons += self._marks
         self._marks = []
         return Health(

@@ -19,14 +19,18 @@ from chatter_monitor.acquisition.recording import Recording
 from chatter_monitor.acquisition.resample import Resampled
 from chatter_monitor.acquisition.source import Source
 from chatter_monitor.config import Settings
+from chatter_monitor.errors import EnvironmentFault
 from chatter_monitor.kernels import is_compiled
 from chatter_monitor.outlets.control import Control
+from chatter_monitor.outlets.event_files import recorded_event
+from chatter_monitor.outlets.event_store import EventWriter
 from chatter_monitor.outlets.json_lines import JsonLines
 from chatter_monitor.outlets.odp_table import OdpTable
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.publisher import Clock, Publisher
 from chatter_monitor.outlets.timeline import Timeline
 from chatter_monitor.service.monitor import Monitor
+from chatter_monitor.service.recorder import open_recorder
 
 # At real time short enough for a verdict to follow its interval at once; at full speed long enough to waste nothing
 # between blocks.
@@ -52,6 +56,8 @@ class Replay:
         How long to wait for a first subscriber before starting.
     jsonl, odp_table : Path or None
         Files to write.
+    record : Path or None
+        Directory to record events in.
     """
 
     file: Path
@@ -61,6 +67,7 @@ class Replay:
     wait_subscriber_s: float = 0.0
     jsonl: Path | None = None
     odp_table: Path | None = None
+    record: Path | None = None
 
     def run(self, *, as_json: bool = False) -> None:
         """Replay, then print the timeline (or a JSON summary) on standard output.
@@ -74,8 +81,11 @@ class Replay:
         """
         settings = self.settings
         rate_hz = settings.tracker.sample_rate_hz
+        event = recorded_event(self.file)
+        clock = Clock(rate_hz, datetime.fromisoformat(event.utc) if event else datetime.now(UTC))
         with ExitStack() as stack:
             recording = stack.enter_context(self._recording())
+            source_rate_hz = event.source_rate_hz if event else recording.sample_rate_hz
             source: Source = Resampled(recording, rate_hz)
             if self.real_time:
                 source = Paced(source, time.monotonic, time.sleep)
@@ -90,16 +100,24 @@ class Replay:
             control = self._control()
             if control is not None:
                 outlets.append(stack.enter_context(control))
-            publisher = stack.enter_context(self._publisher()) if self.publish else None
+            publisher = stack.enter_context(self._publisher(clock)) if self.publish else None
             if publisher is not None:
                 outlets.append(publisher)
                 publisher.wait_for_subscriber(self.wait_subscriber_s)
+            recorder = None
+            if self.record is not None:
+                store = EventWriter(self.record, settings.recorder.quota_gb * 1e9)
+                store.open()  # what is wrong with it is better known before than after the replay
+                recorder = open_recorder(
+                    settings, store, source.channels, source_rate_hz, utc_of=clock.utc_of, patient=True
+                )
+                outlets.append(stack.enter_context(recorder))
             monitor = Monitor(
                 settings,
                 source,
                 outlets,
                 counts=recording,
-                source_rate_hz=recording.sample_rate_hz,
+                source_rate_hz=source_rate_hz,
                 session=self.file.stem,
                 clock=time.perf_counter,
                 dropped=lambda: 0 if publisher is None else publisher.dropped,
@@ -113,6 +131,10 @@ class Replay:
             sys.stdout.write(msgspec.json.encode(summary).decode() + "\n")
         else:
             timeline.show(Console(), summary)
+            if recorder is not None:
+                Console().print(f"Recorded in {self.record}: {recorder.recorded} events.", markup=False, soft_wrap=True)
+        if recorder is not None and recorder.problems():
+            raise EnvironmentFault("; ".join(recorder.problems()), got=str(self.record))
 
     def _control(self) -> Control | None:
         """Control socket, if it is configured and somebody can use it: at full speed the recording is over too soon."""
@@ -130,8 +152,7 @@ class Replay:
             block_samples=REAL_BLOCK_SAMPLES if self.real_time else FAST_BLOCK_SAMPLES,
         )
 
-    def _publisher(self) -> Publisher:
-        clock = Clock(self.settings.tracker.sample_rate_hz, datetime.now(UTC))
+    def _publisher(self, clock: Clock) -> Publisher:
         return Publisher(self.settings.publish, clock=clock, machine=self.settings.machine.name)
 
 

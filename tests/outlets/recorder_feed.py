@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from chatter_monitor.outlets.event_files import Origin
 from chatter_monitor.outlets.flight_recorder import FlightRecorder
 from chatter_monitor.outlets.publisher import Clock
-from chatter_monitor.records import Block, Event, Flag, Odp, OdpFrame, State, Verdict
+from chatter_monitor.records import Block, Event, Odp, OdpFrame, State, Verdict
 from chatter_monitor.verdict.judge import EventLog
 
 RATE_HZ = 12_800.0
@@ -53,53 +53,84 @@ def verdict(interval: int, state: State, channel: int = 0) -> Verdict:
     )
 
 
-def blocks(samples: int, channels: int = 1, size: int = INTERVAL, lost: range = range(0)) -> Iterator[Block]:
-    """Consecutive blocks of the signal, without the samples `lost`."""
-    position = 0
-    for begin, stop in ((0, lost.start), (lost.stop, samples)) if lost else ((0, samples),):
-        for first in range(begin, stop, size):
-            end = min(first + size, stop)
-            yield Block(first, signal(first, end, channels), RATE_HZ, lost=first - position)
-            position = end
+Change = Callable[[Block], Block]
 
 
 class Feed:
-    """Blocks, then the intervals that they complete, channel after channel; `states` says what each interval is.
+    """Blocks, then the intervals that they complete, channel after channel.
 
     Parameters
     ----------
     recorder : FlightRecorder
         What is fed.
-    states : list of str
-        One letter for each interval, one string for each channel: ``#`` chatter, ``?`` unknown, ``-`` stable.
+    channels : int
+        Of the signal.
+    size : int
+        Samples in a block.
     session : str
         Start of the events' names.
+    change : callable, optional
+        What happens to a block on its way.
+    lost : range
+        Samples that do not arrive.
     """
 
-    def __init__(self, recorder: FlightRecorder, states: list[str], session: str = "cut") -> None:
+    def __init__(
+        self,
+        recorder: FlightRecorder,
+        channels: int = 1,
+        *,
+        size: int = INTERVAL,
+        session: str = "cut",
+        change: Change = lambda block: block,
+        lost: range = range(0),
+    ) -> None:
         self._recorder = recorder
-        self._states = states
+        self._channels = channels
+        self._size = size
+        self._change = change
+        self._lost = lost
         self._log = EventLog(session)
-        self._delivered = [0] * len(states)
+        self._interval = 0
         self.events: list[Event] = []
 
-    def run(self, incoming: Iterator[Block]) -> None:
-        """Feed everything, and end what is under way."""
-        for block in incoming:
-            self._recorder.block(block)
-            for channel in range(len(self._states)):
-                self._intervals(channel, (block.first_sample + len(block.samples)) // INTERVAL)
-        for channel in range(len(self._states)):
+    def run(self, *states: str) -> None:
+        """Go on with intervals of which one string for each channel says what they are.
+
+        ``#`` is chatter, ``?`` unknown, ``-`` stable.
+        """
+        begin, done = self._interval, [self._interval] * self._channels
+        self._interval += len(states[0])
+        for block in self._blocks(begin * INTERVAL, self._interval * INTERVAL):
+            self._recorder.block(self._change(block))
+            end = (block.first_sample + len(block.samples)) // INTERVAL
+            for channel in range(self._channels):
+                for interval in range(done[channel], end):
+                    self._deliver(interval, channel, states[channel][interval - begin])
+                done[channel] = end
+
+    def finish(self) -> None:
+        """End what is under way."""
+        for channel in range(self._channels):
             self._tell(self._log.finish(channel))
 
-    def _intervals(self, channel: int, end: int) -> None:
-        letters: dict[str, State] = {"#": "self_excited", "?": "unknown", "-": "stable"}
-        for interval in range(self._delivered[channel], end):
-            of_interval = verdict(interval, letters[self._states[channel][interval]], channel)
-            self._recorder.frame(frame(interval, channel), Odp(channel=channel, t=of_interval.t1, modes=[]))
-            self._recorder.message(of_interval)
-            self._tell(self._log.follow(of_interval))
-        self._delivered[channel] = end
+    def _blocks(self, begin: int, end: int) -> Iterator[Block]:
+        stretches = [(begin, end)]
+        if self._lost:
+            stretches = [(begin, self._lost.start), (self._lost.stop, end)]
+        position = begin
+        for first, stop in stretches:
+            for start in range(first, stop, self._size):
+                samples = signal(start, min(start + self._size, stop), self._channels)
+                yield Block(start, samples, RATE_HZ, lost=start - position)
+                position = start + len(samples)
+
+    def _deliver(self, interval: int, channel: int, letter: str) -> None:
+        states: dict[str, State] = {"#": "self_excited", "?": "unknown", "-": "stable"}
+        of_interval = verdict(interval, states[letter], channel)
+        self._recorder.frame(frame(interval, channel), Odp(channel=channel, t=of_interval.t1, modes=[]))
+        self._recorder.message(of_interval)
+        self._tell(self._log.follow(of_interval))
 
     def _tell(self, event: Event | None) -> None:
         if event is not None:
@@ -108,11 +139,8 @@ class Feed:
 
 
 def feed(recorder: FlightRecorder, *states: str, size: int = INTERVAL, session: str = "cut") -> list[Event]:
-    """Feed a signal whose intervals are as `states` say; returns the events."""
-    feed = Feed(recorder, list(states), session)
-    feed.run(blocks(len(states[0]) * INTERVAL, len(states), size))
-    return feed.events
-
-
-def under_flags(block: Block, *flags: Flag) -> Block:
-    return Block(block.first_sample, block.samples, block.sample_rate_hz, block.lost, flags)
+    """Feed a whole signal whose intervals are as `states` say; returns the events."""
+    whole = Feed(recorder, len(states), size=size, session=session)
+    whole.run(*states)
+    whole.finish()
+    return whole.events

@@ -6,7 +6,7 @@ import errno
 import resource
 import threading
 import tracemalloc
-from itertools import chain, repeat
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -17,7 +17,7 @@ from chatter_monitor.outlets.event_files import read, write
 from chatter_monitor.outlets.event_store import EventStore, EventWriter
 from chatter_monitor.outlets.flight_recorder import WAITING, FlightRecorder, RecorderSettings
 from chatter_monitor.outlets.odp_table import MODE_COLUMNS
-from chatter_monitor.records import Block, Flag
+from chatter_monitor.records import Flag
 from chatter_monitor.verdict.evidence import SpindleSettings
 from tests.outlets.recorder_feed import (
     CLOCK,
@@ -25,16 +25,15 @@ from tests.outlets.recorder_feed import (
     RATE_HZ,
     SETTINGS,
     Feed,
-    blocks,
     feed,
     frame,
     origin,
     signal,
-    under_flags,
 )
 
 # 4 intervals before, 2 after, 20 at most
 BRIEF = RecorderSettings(pre_s=0.2, post_s=0.1, max_s=1.0)
+CUT = "-----###-----"
 
 
 @pytest.fixture
@@ -123,13 +122,13 @@ def test_the_signal_may_begin_and_end_with_an_event(record, kept):
     assert (last.first_sample, last.samples) == (7 * INTERVAL, 5 * INTERVAL)
 
 
-def test_an_unknown_interval_does_not_end_an_event(record, kept):
-    """Being deaf for a moment neither ends nor splits a recording, even for longer than post_s."""
+@pytest.mark.parametrize(("states", "event"), [("###????###-------", 10), ("###????----------", 3)])
+def test_an_unknown_interval_does_not_end_an_event(record, kept, states, event):
+    """Being deaf for a moment neither ends nor splits a recording, and what follows counts from the last alarm."""
     with record() as recorder:
-        feed(recorder, "------###????###-------")
-        feed(recorder, "------###????----------", session="deaf")
-    intervals = {recorded.id: recorded.samples // INTERVAL for recorded, _ in kept()}
-    assert intervals == {"cut-0-0001": 4 + 10 + 2, "deaf-0-0001": 4 + 3 + 2}
+        feed(recorder, "------" + states)
+    ((recorded, _),) = kept()
+    assert (recorded.first_sample, recorded.samples) == (2 * INTERVAL, (4 + event + 2) * INTERVAL)
 
 
 def test_overlapping_events_have_recordings_of_their_own(record, kept):
@@ -166,7 +165,7 @@ def test_what_follows_may_be_truncated_too(record, kept):
 def test_beyond_full_scale_samples_are_floats(record, kept, offset, suffix):
     """FLAC holds -1 to 1; a signal that leaves that range goes into a WAV of floats."""
     with record() as recorder:
-        Feed(recorder, ["-----###-----"]).run(changed(blocks(13 * INTERVAL), lambda samples: samples + offset))
+        Feed(recorder, change=lambda block: replace(block, samples=block.samples + offset)).run(CUT)
     ((recorded, samples),) = kept()
     assert recorded.recording == f"cut-0-0001.{suffix}"
     expected = signal(INTERVAL, 10 * INTERVAL) + offset
@@ -176,7 +175,7 @@ def test_beyond_full_scale_samples_are_floats(record, kept, offset, suffix):
 def test_units_are_taken_out(record, kept):
     """In a sound file full scale is 1; what the samples were divided by is multiplied again and told."""
     with record(full_scale_per_unit=0.03) as recorder:
-        Feed(recorder, ["-----###-----"]).run(changed(blocks(13 * INTERVAL), lambda samples: samples / 0.03))
+        Feed(recorder, change=lambda block: replace(block, samples=block.samples / 0.03)).run(CUT)
     ((recorded, samples),) = kept()
     assert (recorded.recording, recorded.full_scale_per_unit) == ("cut-0-0001.flac", 0.03)
     np.testing.assert_array_equal(samples, signal(INTERVAL, 10 * INTERVAL))
@@ -185,7 +184,7 @@ def test_units_are_taken_out(record, kept):
 def test_more_channels_than_flac_holds(record, kept):
     """Nine channels go into a WAV."""
     with record(channels=9) as recorder:
-        feed(recorder, "-----###-----", *["-" * 13] * 8)
+        feed(recorder, CUT, *["-" * 13] * 8)
     ((recorded, samples),) = kept()
     assert recorded.recording == "cut-0-0001.wav"
     np.testing.assert_array_equal(samples, signal(INTERVAL, 10 * INTERVAL, 9))
@@ -194,37 +193,32 @@ def test_more_channels_than_flac_holds(record, kept):
 def test_missing_samples_are_not_made_up(record, kept):
     """What was lost is NaN at its place and counted; so is what was no number, in its channel only."""
     lost = range(6 * INTERVAL + 100, 6 * INTERVAL + 150)
+    bad = range(7 * INTERVAL + 150, 8 * INTERVAL + 150)
 
-    def faulty(incoming):
-        for block in incoming:
-            bad = block.first_sample == 8 * INTERVAL + 150 - 640
-            yield under_flags(block, Flag.NONE, Flag.NON_FINITE) if bad else block
+    def faulty(block):
+        return replace(block, flags=(Flag.NONE, Flag.NON_FINITE)) if block.first_sample == bad.start else block
 
     with record(channels=2) as recorder:
-        Feed(recorder, ["-----####------", "-" * 15]).run(faulty(blocks(15 * INTERVAL, 2, lost=lost)))
+        Feed(recorder, 2, lost=lost, change=faulty).run("-----####------", "-" * 15)
     ((recorded, samples),) = kept()
-    expected = signal(INTERVAL, 11 * INTERVAL, 2)
-    expected[lost.start - INTERVAL : lost.stop - INTERVAL] = np.nan
-    expected[7 * INTERVAL + 150 - 640 : 7 * INTERVAL + 150, 1] = np.nan
-    np.testing.assert_array_equal(samples, expected)
+    expected = signal(0, 11 * INTERVAL, 2)
+    expected[lost] = np.nan
+    expected[bad, 1] = np.nan
+    np.testing.assert_array_equal(samples, expected[INTERVAL:])
     assert (recorded.recording, recorded.missing_samples) == ("cut-0-0001.wav", 50)
 
 
 def test_a_new_spindle_speed_stands_in_the_next_recording(record, kept):
     """An event carries the spindle settings of its onset, for a replay to the same verdicts."""
     with record() as recorder:
-        feed(recorder, "-----###-----", session="a")
+        cut = Feed(recorder)
+        cut.run(CUT)
         recorder.spindle(SpindleSettings(1700.0, 4))
-        feed(recorder, "-----###-----", session="b")
-    spindles = {recorded.id: recorded.settings["spindle"] for recorded, _ in kept()}
-    assert spindles["a-0-0001"] == SETTINGS["spindle"]
-    assert spindles["b-0-0001"] == {"speed_rpm": 1700.0, "teeth": 4}
-
-
-def changed(incoming, change):
-    """Blocks with other samples."""
-    for block in incoming:
-        yield Block(block.first_sample, change(block.samples), block.sample_rate_hz)
+        cut.run(CUT)
+    assert [recorded.settings["spindle"] for recorded, _ in kept()] == [
+        SETTINGS["spindle"],
+        {"speed_rpm": 1700.0, "teeth": 4},
+    ]
 
 
 class Stall:
@@ -244,22 +238,22 @@ def test_a_stalled_disk_holds_nobody_up(record, kept):
     """While the disk hangs everything is taken without waiting; what finds no room is lost, counted and told."""
     disk = Stall()
     recorder = record(patient=False, write_event=disk)
-    feed(recorder, "-----###-----", session="first")
+    cut = Feed(recorder)
+    cut.run(CUT)
     assert disk.begun.wait(60)
-    for number in range(WAITING + 3):
-        feed(recorder, "-----###-----", session=f"s{number}")
+    for _ in range(WAITING + 3):
+        cut.run(CUT)
     assert recorder.lost == 3
     assert recorder.problems() == ["3 recordings of events lost, because the disk does not keep up"]
     disk.go_on.set()
     recorder.close()
-    assert {recorded.id for recorded, _ in kept()} == {"first-0-0001", *(f"s{n}-0-0001" for n in range(WAITING))}
+    assert [recorded.id for recorded, _ in kept()] == [f"cut-0-{n:04d}" for n in range(1, WAITING + 2)]
 
 
 def test_a_patient_recorder_loses_nothing(record, kept):
     """A replay waits for a slow disk instead of losing events."""
     with record() as recorder:
-        for number in range(3 * WAITING):
-            feed(recorder, "-----###-----", session=f"s{number}")
+        feed(recorder, CUT * 3 * WAITING)
     assert len(kept()) == 3 * WAITING
     assert (recorder.recorded, recorder.lost) == (3 * WAITING, 0)
 
@@ -268,12 +262,12 @@ def test_a_patient_recorder_loses_nothing(record, kept):
 def test_memory_is_bounded(record, states):
     """However long it goes on, calm, chattering or deaf, no more than pre_s and max_s is remembered."""
     intervals = 2000
-    of_interval = "".join(chain.from_iterable(repeat(states, intervals)))[:intervals]
+    of_interval = (states * intervals)[:intervals]
     disk = Stall()
     recorder = record(patient=False, write_event=disk)
     tracemalloc.start()
     try:
-        Feed(recorder, [of_interval]).run(blocks(intervals * INTERVAL))
+        feed(recorder, of_interval)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
@@ -296,7 +290,8 @@ def test_a_full_disk_is_told_and_monitoring_goes_on(record, kept, directory):
             raise OSError(errno.ENOSPC, "No space left on device")
 
     recorder = record(write_event=disk)
-    feed(recorder, "-----###-----", session="a")
+    cut = Feed(recorder)
+    cut.run(CUT)
     wait_until(lambda: recorder.failed == 1)
     assert recorder.problems() == [
         "events are not recorded: No space left on device",
@@ -304,9 +299,9 @@ def test_a_full_disk_is_told_and_monitoring_goes_on(record, kept, directory):
     ]
     assert [path.name for path in directory.iterdir()] == [".lock"]
     full[0] = False
-    feed(recorder, "-----###-----", session="b")
+    cut.run(CUT)
     recorder.close()
-    assert [recorded.id for recorded, _ in kept()] == ["b-0-0001"]
+    assert [recorded.id for recorded, _ in kept()] == ["cut-0-0002"]
     assert recorder.problems() == ["1 recordings of events could not be written"]
 
 
@@ -332,12 +327,13 @@ def test_a_directory_that_cannot_be_used(record, kept, directory):
     recorder = record()
     wait_until(recorder.problems)
     assert "cannot be used: File exists" in recorder.problems()[0]
-    feed(recorder, "-----###-----", session="a")
+    cut = Feed(recorder)
+    cut.run(CUT)
     wait_until(lambda: recorder.failed == 1)
     directory.unlink()
-    feed(recorder, "-----###-----", session="b")
+    cut.run(CUT)
     recorder.close()
-    assert [recorded.id for recorded, _ in kept()] == ["b-0-0001"]
+    assert [recorded.id for recorded, _ in kept()] == ["cut-0-0002"]
 
 
 def test_a_bug_in_writing_is_told(record, kept):
@@ -350,11 +346,12 @@ def test_a_bug_in_writing_is_told(record, kept):
         write(*arguments)
 
     with record(write_event=buggy) as recorder:
-        feed(recorder, "-----###-----", session="a")
+        cut = Feed(recorder)
+        cut.run(CUT)
         wait_until(lambda: recorder.failed == 1)
         assert recorder.problems()[0] == "events are not recorded: ZeroDivisionError: somewhere"
-        feed(recorder, "-----###-----", session="b")
-    assert [recorded.id for recorded, _ in kept()] == ["b-0-0001"]
+        cut.run(CUT)
+    assert [recorded.id for recorded, _ in kept()] == ["cut-0-0002"]
 
 
 def test_closing_does_not_wait_for_a_disk_that_hangs(record, monkeypatch):
@@ -362,8 +359,7 @@ def test_closing_does_not_wait_for_a_disk_that_hangs(record, monkeypatch):
     monkeypatch.setattr("chatter_monitor.outlets.flight_recorder.CLOSE_TIMEOUT_S", 0.05)
     disk = Stall()
     recorder = record(patient=False, write_event=disk)
-    for number in range(WAITING + 1):
-        feed(recorder, "-----###-----", session=f"s{number}")
+    feed(recorder, CUT * (WAITING + 1))
     assert disk.begun.wait(60)
     recorder.close()
     disk.go_on.set()
