@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import soundfile
 
-from chatter_monitor.__main__ import main
 from tests.signals import vibration
 
 
@@ -22,22 +21,6 @@ def recording(tmp_path_factory):
     path = tmp_path_factory.mktemp("recording") / "cut.wav"
     soundfile.write(path, 0.1 * vibration(12_800, [(400, 0.03)]), 12_800)
     return path
-
-
-@pytest.fixture
-def run(monkeypatch, capfd):
-    """Run the command line in this process; returns exit code, standard output and standard error."""
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["chatter-monitor", *map(str, arguments)])
-        try:
-            main()
-            code = 0
-        except SystemExit as leaving:
-            code = leaving.code
-        return code, *capfd.readouterr()
-
-    return run
 
 
 def start(*arguments):

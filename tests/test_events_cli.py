@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 import soundfile
 from scipy.signal import resample_poly
 
-from chatter_monitor.__main__ import main
 from chatter_monitor.outlets.event_files import read
 from chatter_monitor.outlets.event_store import EventStore, EventWriter
 from chatter_monitor.outlets.flight_recorder import FlightRecorder, RecorderSettings
@@ -22,22 +20,6 @@ CUT = Path(__file__).resolve().parents[1] / "replay_data" / "bar_turning.flac"
 # A tracker that starts anew agrees with one that has run for long after so much time: ten of its memories.
 SETTLING_S = 0.8
 A, B, C = (f"cut-0-000{number}" for number in (1, 2, 3))
-
-
-@pytest.fixture
-def run(monkeypatch, capfd):
-    """Run the command line in this process; returns exit code, standard output and standard error."""
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["chatter-monitor", *map(str, arguments)])
-        try:
-            main()
-            code = 0
-        except SystemExit as leaving:
-            code = leaving.code
-        return code, *capfd.readouterr()
-
-    return run
 
 
 @pytest.fixture
@@ -86,7 +68,7 @@ def test_a_recorded_event_replays_to_the_same_verdicts(run, tmp_path, rate_hz):
     file = sound(tmp_path, rate_hz)
     code, out, _ = run("replay", file, "--config", settings, "--record", events, "--jsonl", first)
     assert code == 0
-    assert f"Recorded in {events}: 1 events." in out
+    assert f"Recorded in {events}: 1 event." in out
     (entry,) = EventStore(events).entries()
     recorded = read(entry.json)
     assert recorded.source_rate_hz == rate_hz

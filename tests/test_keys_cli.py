@@ -5,28 +5,16 @@ from __future__ import annotations
 import json
 import os
 import stat
-import sys
 
 import pytest
 
-from chatter_monitor.__main__ import main
 from chatter_monitor.outlets.certificates import read_public, read_secret
 
 
 @pytest.fixture
-def run(monkeypatch, capfd):
+def run(run):
     """Run `chatter-monitor keys` in this process; returns exit code, standard output and standard error."""
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["chatter-monitor", "keys", *map(str, arguments)])
-        try:
-            main()
-            code = 0
-        except SystemExit as leaving:
-            code = leaving.code
-        return code, *capfd.readouterr()
-
-    return run
+    return lambda *arguments: run("keys", *arguments)
 
 
 @pytest.fixture

@@ -31,7 +31,8 @@ def lines(store: EventStore) -> list[str]:
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     table = [_line(row, widths) for row in rows]
     size_mb = sum(entry.size_bytes for entry in entries) / 1e6
-    return [*table, f"{len(entries)} recorded events, {size_mb:.1f} MB, in {store.directory}."]
+    count = "1 recorded event" if len(entries) == 1 else f"{len(entries)} recorded events"
+    return [*table, f"{count}, {size_mb:.1f} MB, in {store.directory}."]
 
 
 def purgeable(entries: Sequence[Entry], *, now: float, older_than_days: float | None) -> list[Entry]:

@@ -51,6 +51,13 @@ def odp_message(frame: OdpFrame) -> Odp:
     return Odp(channel=frame.channel, t=(frame.first_sample + len(frame) - 1) / frame.sample_rate_hz, modes=modes)
 
 
+def _warm_up(settings: Settings, source_rate_hz: float) -> None:
+    """Load the compiled kernels: better before the first sample of a live source than after it."""
+    noise = np.random.default_rng(0).standard_normal(round(settings.tracker.sample_rate_hz * INTERVAL_S))
+    for _ in Tracker(settings.tracker, source_rate_hz=source_rate_hz).process(0, noise):
+        pass
+
+
 class Monitor:
     """Everything between a source and the outlets. One thread owns it and them.
 
@@ -96,6 +103,7 @@ class Monitor:
         self._dropped = dropped
         self._commands = commands
         self._marks: list[str] = []
+        _warm_up(settings, source_rate_hz)
         self._trackers = [Tracker(settings.tracker, c, source_rate_hz) for c in range(source.channels)]
         self._judges = [
             Judge(settings.verdict, settings.spindle, c, interval_s=INTERVAL_S) for c in range(source.channels)

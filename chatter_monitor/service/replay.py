@@ -132,7 +132,11 @@ class Replay:
         else:
             timeline.show(Console(), summary)
             if recorder is not None:
-                Console().print(f"Recorded in {self.record}: {recorder.recorded} events.", markup=False, soft_wrap=True)
+                Console().print(
+                    f"Recorded in {self.record}: {recorder.recorded} event{'' if recorder.recorded == 1 else 's'}.",
+                    markup=False,
+                    soft_wrap=True,
+                )
         if recorder is not None and recorder.problems():
             raise EnvironmentFault("; ".join(recorder.problems()), got=str(self.record))
 
