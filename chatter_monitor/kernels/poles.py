@@ -16,8 +16,8 @@ from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.polynomial import all_roots
 
 NEWTON_STEPS = 6
-# A Newton step smaller than this leaves an error of its square, far below the coefficients' own noise.
-CONVERGED = 1e-7
+# A Newton step smaller than this leaves an error of about its square, far below the coefficients' own noise.
+CONVERGED = 1e-5
 # The factors' sum must reproduce a1 to this accuracy, else two slots hold the same factor.
 CONSISTENT = 1e-6
 

@@ -128,6 +128,18 @@ def udu_update(n, u, d, psi, gain, noise, forgetting):
     return total
 
 
+@njit(forceinline=True, **OPTIONS)
+def inner(q, n, x, y):
+    """Inner product in two sums that the processor can form at the same time."""
+    of_c = 0.0
+    of_a = 0.0
+    for i in range(q):
+        of_c += x[i] * y[i]
+    for i in range(q, n):
+        of_a += x[i] * y[i]
+    return of_c + of_a
+
+
 @njit(**OPTIONS)
 def contract(q, c, zeros, radius):
     """Pull those zeros of C that lie outside the circle of `radius` radially onto it, and leave the others alone.
@@ -207,9 +219,8 @@ def step(p, q, sample, state, forgetting, freeze_power):
     power = level[POWER] + speed * (sample * sample - level[POWER])
     level[POWER] = power
 
-    error = sample
-    for i in range(n):
-        error -= theta[i] * phi[i]
+    error = sample - inner(q, n, theta, phi)
+    residual = error
 
     informative = counts[REPEATS] < REPEATS_TO_FREEZE and counts[REFILL] == 0 and power > freeze_power and power > 0.0
     if informative:
@@ -221,11 +232,13 @@ def step(p, q, sample, state, forgetting, freeze_power):
         start = forgetting * noise
         total = udu_update(n, u, d, psi, gain, start, remembered)
         rate = error / total
+        residual = error - rate * inner(q, n, gain, phi)
         for i in range(n):
             theta[i] += gain[i] * rate
         if not is_minimum_phase(q, theta, scratch, forgetting):
             counts[CONTRACTIONS] += 1
             contract(q, theta, zeros, CONTRACTION * forgetting)
+            residual = sample - inner(q, n, theta, phi)
 
         explained = min(error * rate * start, OUTLIER_SD * OUTLIER_SD * variance)
         variance += speed * (explained - variance)
@@ -246,9 +259,6 @@ def step(p, q, sample, state, forgetting, freeze_power):
         counts[REFILL] -= 1
 
     # eq. (22): psi is phi filtered by 1/C, with a posteriori residuals
-    residual = sample
-    for i in range(n):
-        residual -= theta[i] * phi[i]
     sample_filtered = sample
     residual_filtered = residual
     for i in range(q):

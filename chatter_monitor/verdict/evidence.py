@@ -8,12 +8,16 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from chatter_monitor.records import Flag, ModeStatus, OdpFrame
 
 # A mode is looked at when it carries at least this share of the signal's power: the poles of a fit to little more than
 # noise wander anywhere, zero damping included.
 SIGNIFICANT_SHARE = 0.05
+
+# Plain numbers, because looking members up costs more than comparing a frame with them.
+OSCILLATORY, HELD, STARTING = int(ModeStatus.OSCILLATORY), int(ModeStatus.HELD), int(ModeStatus.STARTING)
 
 
 class SpindleSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -66,26 +70,36 @@ class Evidence:
     flags: Flag
 
 
-def mode_evidence(frame: OdpFrame, mode: int) -> ModeEvidence | None:
-    """Summary of one mode slot; None where it had no frequency for half of the interval or longer."""
-    good = frame.status[:, mode] == ModeStatus.OSCILLATORY
-    count = int(np.count_nonzero(good))
-    if 2 * count <= len(frame):
-        return None
-    columns = np.array([frame.frequency_hz[:, mode], frame.damping_ratio[:, mode], frame.damping_sd[:, mode]])
-    middle = np.partition(columns if count == len(frame) else columns[:, good], count // 2, axis=1)[:, count // 2]
-    frequency, damping, damping_sd = middle.tolist()
-    return ModeEvidence(frequency, damping, damping_sd, float(frame.share[mode]))
+def modes_evidence(frame: OdpFrame) -> list[ModeEvidence | None]:
+    """Summary of each mode slot; None where it had no frequency for half of the interval or longer."""
+    columns = np.array([frame.frequency_hz, frame.damping_ratio, frame.damping_sd])
+    good = frame.status == OSCILLATORY
+    if good.all():
+        medians = _middle(columns).T.tolist()
+    else:
+        medians = [
+            _middle(columns[:, good[:, mode], mode]).tolist() if 2 * good[:, mode].sum() > len(frame) else None
+            for mode in range(good.shape[1])
+        ]
+    return [
+        None if values is None else ModeEvidence(values[0], values[1], values[2], share)
+        for values, share in zip(medians, frame.share.tolist(), strict=True)
+    ]
+
+
+def _middle(columns: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Median along the second axis, the upper one of two."""
+    middle = columns.shape[1] // 2
+    return np.partition(columns, middle, axis=1)[:, middle]
 
 
 def weigh(frame: OdpFrame) -> Evidence:
     """Reduce the samples of a frame to evidence."""
-    modes = [mode_evidence(frame, mode) for mode in range(frame.status.shape[1])]
-    significant = [mode for mode in modes if mode is not None and mode.share >= SIGNIFICANT_SHARE]
+    significant = [mode for mode in modes_evidence(frame) if mode is not None and mode.share >= SIGNIFICANT_SHARE]
     return Evidence(
         critical=min(significant, key=lambda mode: mode.damping_ratio, default=None),
-        held=bool((frame.status == ModeStatus.HELD).all()),
-        starting=bool((frame.status == ModeStatus.STARTING).any()),
+        held=bool((frame.status == HELD).all()),
+        starting=bool((frame.status == STARTING).any()),
         rms=frame.rms,
         flags=frame.flags,
     )

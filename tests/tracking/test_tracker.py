@@ -85,9 +85,9 @@ def test_lost_samples_are_held_counted_and_flagged():
     frames = track((0, CUT[:5000]), (8000, CUT[8000:]))
     assert [frame.first_sample for frame in frames] == list(range(0, 12_000, 640))
     status = whole(frames, "status")
-    assert np.all(status[5000:8007] == ModeStatus.HELD)
+    assert np.all(status[5000:8256] == ModeStatus.HELD)
     assert not np.any(status[1000:5000] == ModeStatus.HELD)
-    assert not np.any(status[8007:] == ModeStatus.HELD)
+    assert not np.any(status[8256:] == ModeStatus.HELD)
     for name in VALUES:
         values = whole(frames, name)
         assert np.all(np.isfinite(values[4990:]))
