@@ -57,6 +57,14 @@ def tracker(samples: NDArray[np.float64]) -> None:
     )
 
 
+def values_from_poles(samples: NDArray[np.float64]) -> None:
+    """The part of the tracker that the yardstick lacks most of: frequency, damping, standard deviations from poles."""
+    tile = odp.new_tile(4)
+    tile.b[:], tile.c[:], tile.d[:] = [[-1.9], [-1.0]], [[0.95], [0.9]], 1e-4
+    for _ in range(len(samples) // odp.TILE):
+        odp.evaluate(4, tile)
+
+
 def numpy_loop(samples: NDArray[np.float64]) -> None:
     """The naive twin: the same recursion and poles in NumPy, one Python iteration a sample."""
     twin = naive.NaiveRarma(4, 3, FORGETTING)
@@ -137,6 +145,8 @@ def main() -> None:
         print(f"{'':38}ns per sample (least, median of {arguments.rounds})   ratio to C (median of pairs)")
         ratio = f"{statistics.median(a / b for a, b in zip(ours, theirs, strict=True)):.2f}" if theirs else "-"
         print(f"{'tracker, poles, standard deviations':38}{min(ours):8.0f} {statistics.median(ours):8.0f} {ratio:>24}")
+        part = min(nanoseconds(values_from_poles, samples) for _ in range(arguments.rounds))
+        print(f"{'  of that: values and deviations':38}{part:8.0f}")
         if theirs:
             print(f"{'C yardstick (no standard deviations)':38}{min(theirs):8.0f} {statistics.median(theirs):8.0f}")
         for label, peer, n in (
