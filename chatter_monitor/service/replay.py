@@ -112,18 +112,18 @@ class Replay:
                     settings, store, source.channels, source_rate_hz, utc_of=clock.utc_of, patient=True
                 )
                 outlets.append(stack.enter_context(recorder))
-            monitor = Monitor(
-                settings,
-                source,
-                outlets,
-                counts=recording,
-                source_rate_hz=source_rate_hz,
-                session=self.file.stem,
-                clock=time.perf_counter,
-                dropped=lambda: 0 if publisher is None else publisher.dropped,
-                commands=lambda: () if control is None else control.commands(),
-            )
             with _progress(source.length) as advance:
+                monitor = Monitor(
+                    settings,
+                    source,
+                    outlets,
+                    counts=recording,
+                    source_rate_hz=source_rate_hz,
+                    session=self.file.stem,
+                    clock=time.perf_counter,
+                    dropped=lambda: 0 if publisher is None else publisher.dropped,
+                    commands=lambda: () if control is None else control.commands(),
+                )
                 for done in monitor.run():
                     advance(done)
         summary = timeline.summary(self.file, recording.missing_samples)
