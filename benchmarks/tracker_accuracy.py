@@ -101,7 +101,7 @@ def measure(modes: list[tuple[float, float]], zeros: list[complex], windows: int
     rows = []
     for _ in range(windows + 1):
         y, memory = lfilter(c, a, rng.standard_normal(gap), zi=memory)
-        track.track(p, q, y, recursion, factors, tile, forgetting, 0.0, RATE_HZ, out)
+        track.track(p, q, y, recursion, factors, tile, forgetting, RATE_HZ, out)
         rows.append([column[-1].astype(float) for column in out[:4]])
     estimates = np.array(rows[1:])  # window, quantity, mode
     by_frequency = np.argsort(estimates[:, :1, :], axis=2)  # a slot may have met its mode crossing the other's

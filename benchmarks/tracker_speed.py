@@ -52,9 +52,7 @@ def nanoseconds(run: Callable[[NDArray[np.float64]], object], samples: NDArray[n
 def tracker(samples: NDArray[np.float64]) -> None:
     """Everything: recursion, poles, damping, frequency, standard deviations, status."""
     out = (*(np.empty((len(samples), 2), np.float32) for _ in range(4)), np.empty((len(samples), 2), np.uint8))
-    track.track(
-        4, 3, samples, rarma.new_state(4, 3), poles.new_state(4), odp.new_tile(4), FORGETTING, 0.0, RATE_HZ, out
-    )
+    track.track(4, 3, samples, rarma.new_state(4, 3), poles.new_state(4), odp.new_tile(4), FORGETTING, RATE_HZ, out)
 
 
 def values_from_poles(samples: NDArray[np.float64]) -> None:

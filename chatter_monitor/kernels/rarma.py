@@ -185,7 +185,7 @@ def mean_variance(n, u, d):
 
 
 @njit(forceinline=True, **OPTIONS)
-def step(p, q, sample, state, forgetting, freeze_power):
+def step(p, q, sample, state, forgetting):
     """Take one sample into the model.
 
     Parameters
@@ -198,8 +198,6 @@ def step(p, q, sample, state, forgetting, freeze_power):
         Changed in place.
     forgetting : float
         lambda = 1 - 1 / (memory in samples).
-    freeze_power : float
-        Adaptation is frozen while the running power is below this (square of the source's unit); 0 for never.
 
     Returns
     -------
@@ -222,7 +220,7 @@ def step(p, q, sample, state, forgetting, freeze_power):
     error = sample - inner(q, n, theta, phi)
     residual = error
 
-    informative = counts[REPEATS] < REPEATS_TO_FREEZE and counts[REFILL] == 0 and power > freeze_power and power > 0.0
+    informative = counts[REPEATS] < REPEATS_TO_FREEZE and counts[REFILL] == 0 and power > 0.0
     if informative:
         variance = max(level[INNOVATION_VARIANCE], PREDICTABLE_SHARE * power)
         if counts[ADAPTED] == 0:

@@ -16,7 +16,7 @@ STARTING = 3
 
 
 @njit(forceinline=True, **OPTIONS)
-def _track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out):
+def _track(p, q, samples, recursion, pole_state, tile, forgetting, rate, out):
     frequency, damping, frequency_sd, damping_sd, status = out
     u, d, level, counts = recursion.u, recursion.d, recursion.level, recursion.counts
     coefficients = recursion.theta[q:]
@@ -28,7 +28,7 @@ def _track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power,
     for begin in range(0, n, odp.TILE):
         size = min(odp.TILE, n - begin)
         for t in range(size):
-            adapted = rarma.step(p, q, samples[begin + t], recursion, forgetting, freeze_power)
+            adapted = rarma.step(p, q, samples[begin + t], recursion, forgetting)
             if counts[rarma.ADAPTED] < rarma.SAMPLES_PER_COEFFICIENT * (p + q):
                 for m in range(modes):
                     status[begin + t, m] = STARTING
@@ -63,15 +63,15 @@ def _track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power,
 
 
 @njit(**OPTIONS)
-def _track_4_3(samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out):
+def _track_4_3(samples, recursion, pole_state, tile, forgetting, rate, out):
     """`track` with the orders of the paper known to the compiler, which makes it several times faster."""
-    _track(4, 3, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out)
+    _track(4, 3, samples, recursion, pole_state, tile, forgetting, rate, out)
 
 
 @njit(**OPTIONS)
-def _track_any(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out):
+def _track_any(p, q, samples, recursion, pole_state, tile, forgetting, rate, out):
     """`track` for orders that are known at run time only."""
-    _track(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out)
+    _track(p, q, samples, recursion, pole_state, tile, forgetting, rate, out)
 
 
 def track(
@@ -82,7 +82,6 @@ def track(
     pole_state: poles.PoleState,
     tile: odp.Tile,
     forgetting: float,
-    freeze_power: float,
     rate: float,
     out: tuple[np.ndarray, ...],
 ) -> None:
@@ -98,14 +97,12 @@ def track(
         Changed in place; carry the first two over to the next stretch.
     forgetting : float
         lambda = 1 - 1 / (memory in samples).
-    freeze_power : float
-        Adaptation is frozen while the running power is below this; 0 for never.
     rate : float
         Sample rate in Hz.
     out : tuple of ndarray, shape (n, p / 2) each
         frequency (Hz), damping ratio, their standard deviations (float32), status (uint8).
     """
     if (p, q) == (4, 3):
-        _track_4_3(samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out)
+        _track_4_3(samples, recursion, pole_state, tile, forgetting, rate, out)
     else:
-        _track_any(p, q, samples, recursion, pole_state, tile, forgetting, freeze_power, rate, out)
+        _track_any(p, q, samples, recursion, pole_state, tile, forgetting, rate, out)

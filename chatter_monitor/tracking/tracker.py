@@ -161,7 +161,7 @@ class Tracker:
 
     def _run(self, signal: NDArray[np.float64], out: Columns) -> None:
         p, q = self._settings.orders
-        track.track(p, q, signal, self._recursion, self._poles, self._tile, self._forgetting, 0.0, self._rate_hz, out)
+        track.track(p, q, signal, self._recursion, self._poles, self._tile, self._forgetting, self._rate_hz, out)
 
     def _held(self, signal: NDArray[np.float64]) -> Columns:
         """ODPs of a decimated signal, each held until the next."""

@@ -24,12 +24,10 @@ class Channel:
         self.p, self.q, self.forgetting = p, q, forgetting
         self.recursion, self.poles, self.tile = rarma.new_state(p, q), poles.new_state(p), odp.new_tile(p)
 
-    def run(self, samples: NDArray[np.float64], freeze_power: float = 0.0) -> list[NDArray[np.float64]]:
+    def run(self, samples: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         n, modes = len(samples), self.p // 2
         out = (*(np.zeros((n, modes), np.float32) for _ in range(4)), np.zeros((n, modes), np.uint8))
-        track.track(
-            self.p, self.q, samples, self.recursion, self.poles, self.tile, self.forgetting, freeze_power, RATE, out
-        )
+        track.track(self.p, self.q, samples, self.recursion, self.poles, self.tile, self.forgetting, RATE, out)
         return list(out)
 
 
