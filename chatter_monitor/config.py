@@ -20,8 +20,8 @@ from chatter_monitor.outlets.control import ControlSettings
 from chatter_monitor.outlets.event_files import read
 from chatter_monitor.outlets.flight_recorder import RecorderSettings
 from chatter_monitor.outlets.publisher import PublishSettings
+from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import TrackerSettings
-from chatter_monitor.verdict.evidence import SpindleSettings
 from chatter_monitor.verdict.judge import JudgeSettings
 
 

@@ -20,7 +20,7 @@ from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.token_bucket import TokenBucket
 from chatter_monitor.outlets.wire import encode
 from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
-from chatter_monitor.verdict.evidence import SpindleSettings
+from chatter_monitor.tracking.spindle import SpindleSettings
 
 LONGEST_REQUEST = 4096  # bytes
 LONGEST_FRAME = 65536  # bytes; ZeroMQ closes the connection on more, before it takes up memory

@@ -19,8 +19,8 @@ from chatter_monitor.outlets.event_files import Origin, Stretch, write
 from chatter_monitor.outlets.event_store import EventWriter
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S
-from chatter_monitor.verdict.evidence import SpindleSettings
 
 # Recordings that wait for the disk. A disk that does not keep up with that many is broken or full.
 WAITING = 4

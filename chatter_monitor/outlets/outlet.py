@@ -6,7 +6,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, Verdict
-from chatter_monitor.verdict.evidence import SpindleSettings
+from chatter_monitor.tracking.spindle import SpindleSettings
 
 
 class Outlet(Protocol):

@@ -14,8 +14,9 @@ from chatter_monitor.config import Settings
 from chatter_monitor.outlets.control import Command, Mark, SetSpindle
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Event, Flag, Health, Mode, Odp, OdpFrame, Verdict
+from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S, Tracker
-from chatter_monitor.verdict.evidence import SpindleSettings, weigh
+from chatter_monitor.verdict.evidence import weigh
 from chatter_monitor.verdict.judge import EventLog, Judge
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.records import Flag, ModeStatus, OdpFrame
+from chatter_monitor.tracking.spindle import SpindleSettings
 
 # A mode is looked at when it carries at least this share of the signal's power: the poles of a fit to little more than
 # noise wander anywhere, zero damping included.
@@ -18,21 +17,6 @@ SIGNIFICANT_SHARE = 0.05
 
 # Plain numbers, because looking members up costs more than comparing a frame with them.
 OSCILLATORY, HELD, STARTING = int(ModeStatus.OSCILLATORY), int(ModeStatus.HELD), int(ModeStatus.STARTING)
-
-
-class SpindleSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What turns: the table ``[spindle]`` of a machine configuration.
-
-    Attributes
-    ----------
-    speed_rpm : float or None
-        Spindle speed; None where nobody knows.
-    teeth : int
-        Cutting edges that pass in one revolution; 1 for turning.
-    """
-
-    speed_rpm: Annotated[float, msgspec.Meta(gt=0)] | None = None
-    teeth: Annotated[int, msgspec.Meta(ge=1)] = 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,8 @@ from typing import Annotated
 import msgspec
 
 from chatter_monitor.records import Event, Flag, State, Verdict
-from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, SpindleSettings, probability_below, spindle_order
+from chatter_monitor.tracking.spindle import SpindleSettings
+from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, probability_below, spindle_order
 
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL

@@ -49,7 +49,7 @@ from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.token_bucket import TokenBucket
 from chatter_monitor.records import Health, Verdict
 from chatter_monitor.service.monitor import Monitor
-from chatter_monitor.verdict.evidence import SpindleSettings
+from chatter_monitor.tracking.spindle import SpindleSettings
 
 WAIT_S = 60.0
 RATE_HZ = 12_800.0

@@ -18,7 +18,7 @@ from chatter_monitor.outlets.event_store import EventStore, EventWriter
 from chatter_monitor.outlets.flight_recorder import WAITING, FlightRecorder, RecorderSettings
 from chatter_monitor.outlets.odp_table import MODE_COLUMNS
 from chatter_monitor.records import Flag
-from chatter_monitor.verdict.evidence import SpindleSettings
+from chatter_monitor.tracking.spindle import SpindleSettings
 from tests.outlets.recorder_feed import (
     CLOCK,
     INTERVAL,

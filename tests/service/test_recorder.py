@@ -16,7 +16,7 @@ from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Health
 from chatter_monitor.service.monitor import Monitor
 from chatter_monitor.service.recorder import open_recorder
-from chatter_monitor.verdict.evidence import SpindleSettings
+from chatter_monitor.tracking.spindle import SpindleSettings
 from tests.outlets.recorder_feed import CLOCK
 from tests.signals import RATE_HZ, vibration
 

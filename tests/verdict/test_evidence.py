@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from chatter_monitor.records import Flag, ModeStatus, OdpFrame
+from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict.evidence import (
     SIGNIFICANT_SHARE,
     ModeEvidence,
-    SpindleSettings,
     modes_evidence,
     probability_below,
     spindle_order,

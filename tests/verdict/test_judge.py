@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chatter_monitor.records import Flag, Verdict
-from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, SpindleSettings
+from chatter_monitor.tracking.spindle import SpindleSettings
+from chatter_monitor.verdict.evidence import Evidence, ModeEvidence
 from chatter_monitor.verdict.judge import DEAF, EventLog, Judge, JudgeSettings, Memory, forced_order, opinion
 
 MILL = SpindleSettings(speed_rpm=1656.0, teeth=6)  # tooth passing at 165.6 Hz
