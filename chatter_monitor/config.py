@@ -19,6 +19,7 @@ from chatter_monitor.errors import InputError
 from chatter_monitor.outlets.control import ControlSettings
 from chatter_monitor.outlets.event_files import read
 from chatter_monitor.outlets.flight_recorder import RecorderSettings
+from chatter_monitor.outlets.metrics import MetricsSettings
 from chatter_monitor.outlets.publisher import PublishSettings
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import TrackerSettings
@@ -47,6 +48,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     verdict: JudgeSettings = JudgeSettings()
     publish: PublishSettings = PublishSettings()
     control: ControlSettings = ControlSettings()
+    metrics: MetricsSettings = MetricsSettings()
     recorder: RecorderSettings = RecorderSettings()
 
 

@@ -27,7 +27,7 @@ def is_local(endpoint: str) -> bool:
     tcp = re.fullmatch(r"tcp://(?:\[(?P<ipv6>[^\[\]]+)\]|(?P<host>[^\s:;\[\]]+)):(?P<port>\*|\d{1,5})", endpoint)
     if tcp is None or (tcp["port"] != "*" and int(tcp["port"]) > 65535):
         raise InputError("this is no endpoint to bind to", got=endpoint, allowed=ALLOWED_LOOPBACK)
-    return _is_loopback(tcp["ipv6"] or tcp["host"])
+    return is_loopback(tcp["ipv6"] or tcp["host"])
 
 
 def bind(socket: zmq.Socket[Any], endpoint: str, *, setting: str) -> str:
@@ -65,7 +65,7 @@ def bind(socket: zmq.Socket[Any], endpoint: str, *, setting: str) -> str:
     return str(socket.getsockopt_string(zmq.LAST_ENDPOINT))
 
 
-def _is_loopback(host: str) -> bool:
+def is_loopback(host: str) -> bool:
     """Whether a host name or address means this machine only; names but localhost may mean anything."""
     try:
         return ipaddress.ip_address(host).is_loopback
