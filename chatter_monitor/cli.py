@@ -83,6 +83,20 @@ def replay(
 
 
 @cli.command()
+@CONFIG
+@DEBUG
+def run(configs: tuple[Path, ...]) -> None:
+    """Listen to a sound device: the daemon. SIGTERM stops it, SIGHUP has it read its configuration again."""
+    import os
+
+    from chatter_monitor.service.daemon import run_daemon
+    from chatter_monitor.service.journal import journal
+
+    with journal(os.environ):
+        run_daemon(configs, os.environ)
+
+
+@cli.command()
 @click.argument("model", type=click.Path(path_type=Path))
 @click.option("--seconds", type=click.FloatRange(min=0, min_open=True), required=True, help="Length of the recording.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Same seed, same recording.")

@@ -58,6 +58,8 @@ class Block:
         Samples lost between the previous block and this one.
     flags : tuple of Flag, one per channel
         What is wrong with these samples; empty for nothing.
+    arrived_s : float or None
+        When the last of these samples came out of the device, on a steady clock; None for what no device delivered.
     """
 
     first_sample: int
@@ -65,6 +67,7 @@ class Block:
     sample_rate_hz: float
     lost: int = 0
     flags: tuple[Flag, ...] = ()
+    arrived_s: float | None = None
 
     def channel_flags(self, channel: int) -> Flag:
         """Flags of one channel, a gap before the block included."""
@@ -176,7 +179,7 @@ class Event(Message, frozen=True, tag="event"):
 
 
 class Health(Message, frozen=True, tag="health"):
-    """How well the monitor hears, every second of signal."""
+    """How well the monitor hears, every second and when it stops or begins to hear."""
 
     t: float
     state: Literal["starting", "hearing", "not_hearing", "finished"]
@@ -189,4 +192,5 @@ class Health(Message, frozen=True, tag="health"):
     ring_fill: float
     latency_ms_p50: float | None
     latency_ms_p99: float | None
+    clock_ppm: float | None = None
     reasons: list[str] = []

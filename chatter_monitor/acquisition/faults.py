@@ -1,4 +1,4 @@
-"""Samples that do not tell what the sensor felt: those that are no numbers, and those that hit the ceiling."""
+"""Samples that do not tell what the sensor felt: no numbers, those at the ceiling, and those of a dead channel."""
 
 from __future__ import annotations
 
@@ -27,21 +27,30 @@ class FaultFinder:
     ceiling : float
         Magnitude from which on a sample is at full scale. Magnitudes above 1 are not: a file of floating-point
         numbers that holds more than ±1 is in physical units and has no ceiling.
+    dead_after : int or None
+        Unchanged samples in a row from which on a channel counts as dead: all-zero or stuck, which noise never lets
+        happen to a sensor that lives. None where silence may be meant, as in a recording.
 
     Attributes
     ----------
     non_finite_samples, clipped_samples : int
         How many were found so far, over all channels.
+    dead : ndarray of bool, shape (channels,)
+        Which channels are dead at the moment.
     """
 
-    def __init__(self, channels: int, ceiling: float) -> None:
+    def __init__(self, channels: int, ceiling: float, dead_after: int | None = None) -> None:
         self.non_finite_samples = 0
         self.clipped_samples = 0
+        self.dead = np.zeros(channels, dtype=bool)
         self._ceiling = ceiling
+        self._dead_after = dead_after
         self._position = 0
         self._at_ceiling = np.zeros((CLIPPED_RUN, channels), dtype=bool)
         self._last_non_finite = np.full(channels, -HOLD_SAMPLES)
         self._last_clipped = np.full(channels, -HOLD_SAMPLES)
+        self._latest = np.full(channels, np.nan)  # sample: differs from every first one
+        self._last_change = np.zeros(channels, dtype=np.int64)
 
     def inspect(self, samples: NDArray[np.float64]) -> NDArray[np.uint8]:
         """Replace what is not finite by 0, in place, and say which samples are under a flag.
@@ -58,6 +67,7 @@ class FaultFinder:
         ndarray of uint8, shape (n, channels)
             A `Flag` for each sample.
         """
+        unchanged = self._unchanged(samples)
         non_finite = ~np.isfinite(samples)
         samples[non_finite] = 0.0
         clipped = self._clipped(samples)
@@ -66,8 +76,21 @@ class FaultFinder:
         flags = np.zeros(samples.shape, dtype=np.uint8)
         self._raise(flags, Flag.NON_FINITE, non_finite, self._last_non_finite)
         self._raise(flags, Flag.CLIPPED, clipped, self._last_clipped)
+        if self._dead_after is not None:
+            dead = unchanged >= self._dead_after
+            flags[dead] |= np.uint8(Flag.DEAD_CHANNEL)
+            self.dead = dead[-1]
         self._position += len(samples)
         return flags
+
+    def _unchanged(self, samples: NDArray[np.float64]) -> NDArray[np.int64]:
+        """For how many samples before each one nothing has changed."""
+        changed = samples != np.concatenate([self._latest[np.newaxis], samples[:-1]])
+        index = np.arange(self._position, self._position + len(samples))[:, np.newaxis]
+        last_change = np.maximum.accumulate(np.where(changed, index, self._last_change), axis=0)
+        self._latest = samples[-1].copy()
+        self._last_change = last_change[-1]
+        return np.asarray(index - last_change)
 
     def _clipped(self, samples: NDArray[np.float64]) -> NDArray[np.bool_]:
         magnitude = np.abs(samples)

@@ -98,6 +98,7 @@ class Resampled(Source):
         self.length = None if source.length is None else math.floor(source.length * self._ratio + Fraction(1, 2))
         self._marks: deque[_Mark] = deque()
         self._end = 0  # of the last block given
+        self._arrived_s: float | None = None  # of the last block taken
 
     def blocks(self) -> Iterator[Block]:
         """Yield the converted signal; blocks end where the flags change."""
@@ -129,6 +130,7 @@ class Resampled(Source):
         position = 0
         for block in self._source.blocks():
             end = block.first_sample + len(block.samples)
+            self._arrived_s = block.arrived_s
             if block.first_sample > position:
                 self._mark_gap(position, block.first_sample)
             if block.flags:
@@ -169,5 +171,6 @@ class Resampled(Source):
                 self.sample_rate_hz,
                 lost=start - self._end,
                 flags=block_flags(flags[run.start, :-1]),
+                arrived_s=self._arrived_s,
             )
             self._end = first + run.stop

@@ -13,24 +13,32 @@ class InputSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes
     ----------
-    device : str
-        Name of the sound device. Read by the daemon to come; `replay` has a file instead and ignores it.
-    sample_rate_hz : float
-        Rate to open the device at. Read by the daemon to come; `replay` takes the rate of its file and ignores it.
+    device : str or int
+        Sound device to listen to, as `chatter-monitor devices` lists them: part of its name in upper or lower case, a
+        pattern with ``*`` and ``?``, or its index, which changes when devices come and go. "default" is the system's
+        choice. A recording has no use for it.
+    sample_rate_hz : float or None
+        Rate to open the device at; None for the tracker's, or the next best that the device can. A recording has its
+        own.
     channels : tuple of int, or None
-        Channels to listen to, counted from 0, in this order; None for all.
+        Channels to listen to, counted from 0, in this order; None for all of a recording, and for the first of a sound
+        device, which has as many as its driver likes.
     sensor : str
         What the samples measure: sound pressure, acceleration, velocity or displacement, in this order of the names.
     full_scale_per_unit : float
         Reading of the file or card, as a fraction of its full scale, for one unit of the sensor (Pa, m/s², m/s, m).
         1.0 leaves the samples as they are.
+    give_up_s : float
+        After so long without a sample the daemon stops feeding the service manager's watchdog, which then starts it
+        anew (docs/decisions/0007-when-to-give-up.md).
     """
 
-    device: Annotated[str, msgspec.Meta(min_length=1)] = "default"
-    sample_rate_hz: Annotated[float, msgspec.Meta(gt=0)] = 48000.0
+    device: Annotated[str, msgspec.Meta(min_length=1)] | Annotated[int, msgspec.Meta(ge=0)] = "default"
+    sample_rate_hz: Annotated[float, msgspec.Meta(gt=0)] | None = None
     channels: Annotated[tuple[Annotated[int, msgspec.Meta(ge=0)], ...], msgspec.Meta(min_length=1)] | None = None
     sensor: Literal["microphone", "accelerometer", "vibrometer", "displacement"] = "microphone"
     full_scale_per_unit: Annotated[float, msgspec.Meta(gt=0)] = 1.0
+    give_up_s: Annotated[float, msgspec.Meta(gt=0)] = 60.0
 
     def __post_init__(self) -> None:
         if self.channels is not None and len(set(self.channels)) < len(self.channels):

@@ -117,9 +117,10 @@ class Metrics(Outlet):
             ) from error
         self.url = f"http://{bind.rpartition(':')[0]}:{self._server.server_port}/metrics"
 
-    def block(self, block: Block) -> None:  # noqa: ARG002  that it came is all that matters
-        """Take note that samples have come."""
-        self._snapshot.heard()
+    def block(self, block: Block) -> None:
+        """Take note that samples have come; a block that tells of a loss may have none."""
+        if len(block.samples):
+            self._snapshot.heard()
 
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Nothing: 20 values a second are for ZeroMQ."""

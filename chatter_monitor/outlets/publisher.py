@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 import zmq
 
+from chatter_monitor.acquisition.index_clock import WallClock
 from chatter_monitor.errors import ChatterMonitorError, InputError
 from chatter_monitor.outlets.curve import Guard
 from chatter_monitor.outlets.endpoint import ALLOWED_LOOPBACK, bind, is_local
@@ -84,7 +85,7 @@ class PublishSettings:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """The sample index tied to wall time at one sample.
+    """The sample index of a recording, tied to wall time at one sample.
 
     Attributes
     ----------
@@ -134,7 +135,9 @@ class Publisher(Outlet):
         cannot be used, or others could read the secret one.
     """
 
-    def __init__(self, settings: PublishSettings, *, clock: Clock, machine: str) -> None:
+    def __init__(
+        self, settings: PublishSettings, *, clock: WallClock, machine: str, linger_ms: int = LINGER_MS
+    ) -> None:
         self.dropped = 0
         self._clock = clock
         self._machine = machine
@@ -145,7 +148,7 @@ class Publisher(Outlet):
         self._guard: Guard | None = None
         self._socket = self._context.socket(zmq.XPUB)
         self._socket.sndhwm = settings.high_water_mark
-        self._socket.linger = LINGER_MS
+        self._socket.linger = linger_ms
         self._socket.setsockopt(zmq.XPUB_NODROP, 1)  # a full queue is reported, see _send
         try:
             if settings.server_key is not None and settings.allowed_clients is not None:

@@ -17,7 +17,7 @@ from chatter_monitor.records import Event, Flag, Health, Mode, Odp, OdpFrame, Ve
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S, Tracker
 from chatter_monitor.verdict.evidence import weigh
-from chatter_monitor.verdict.judge import EventLog, Judge
+from chatter_monitor.verdict.judge import EventLog, Judge, JudgeSettings
 
 
 class SampleCounts(Protocol):
@@ -36,7 +36,6 @@ class Tally:
 
     samples: int = 0
     lost: int = 0
-    overflows: int = 0
     latencies_s: list[float] = field(default_factory=list)
 
 
@@ -82,6 +81,11 @@ class Monitor:
         Publications dropped so far.
     commands : callable
         Commands that have come since the last call; they are carried out between two blocks.
+
+    Attributes
+    ----------
+    trouble : str or None
+        What else is wrong, for the health message.
     """
 
     def __init__(
@@ -104,6 +108,7 @@ class Monitor:
         self._dropped = dropped
         self._commands = commands
         self._marks: list[str] = []
+        self.trouble: str | None = None
         _warm_up(settings, source_rate_hz)
         self._trackers = [Tracker(settings.tracker, c, source_rate_hz) for c in range(source.channels)]
         self._judges = [
@@ -119,6 +124,7 @@ class Monitor:
         """
         end = 0
         health_due = self._source.sample_rate_hz
+        hearing = self._source.condition().hearing
         for block in self._source.blocks():
             began = self._clock()
             self._obey(block.first_sample / self._source.sample_rate_hz)
@@ -130,13 +136,15 @@ class Monitor:
             for channel, tracker in enumerate(self._trackers):
                 # The tracker flags a gap before the block where it lies; the block's length is chance.
                 flags = block.flags[channel] if block.flags else Flag.NONE
-                self._tally.overflows += bool(flags & Flag.OVERFLOW)
                 for frame in tracker.process(block.first_sample, block.samples[:, channel], flags):
                     self._deliver(frame)
-            self._tally.latencies_s.append(self._clock() - began)
+            if len(block.samples):
+                self._tally.latencies_s.append(self._clock() - (began if block.arrived_s is None else block.arrived_s))
             while end >= health_due:
                 self._send(self._health(health_due / self._source.sample_rate_hz, finished=False))
                 health_due += self._source.sample_rate_hz
+            if hearing != (hearing := self._source.condition().hearing):  # is news that does not wait for the second
+                self._send(self._health(end / self._source.sample_rate_hz, finished=False))
             yield end
         for tracker in self._trackers:
             for frame in tracker.finish():
@@ -152,13 +160,22 @@ class Monitor:
         for command in self._commands():
             match command:
                 case SetSpindle():
-                    spindle = SpindleSettings(command.rpm, command.teeth)
-                    for judge in self._judges:
-                        judge.set_spindle(spindle)
-                    for outlet in self._outlets:
-                        outlet.spindle(spindle)
+                    self._set_spindle(SpindleSettings(command.rpm, command.teeth))
                 case Mark():
                     self._marks.append(f"mark at {t:.2f} s: {command.text}")
+
+    def reconfigure(self, verdict: JudgeSettings, spindle: SpindleSettings | None) -> None:
+        """Judge by other thresholds from the next interval on, and by another spindle if there is one."""
+        for judge in self._judges:
+            judge.set_thresholds(verdict)
+        if spindle is not None:
+            self._set_spindle(spindle)
+
+    def _set_spindle(self, spindle: SpindleSettings) -> None:
+        for judge in self._judges:
+            judge.set_spindle(spindle)
+        for outlet in self._outlets:
+            outlet.spindle(spindle)
 
     def _deliver(self, frame: OdpFrame) -> None:
         verdict = self._judges[frame.channel].verdict(
@@ -180,21 +197,25 @@ class Monitor:
         tally = self._tally
         latencies_ms = 1000.0 * np.array(tally.latencies_s) if tally.latencies_s else None
         tally.latencies_s = []
-        reasons = [f"{tally.lost} samples lost"] if tally.lost else []
+        condition = self._source.condition()
+        reasons = [*condition.problems]
+        reasons += [f"{tally.lost} samples lost"] if tally.lost else []
         reasons += [problem for outlet in self._outlets for problem in outlet.problems()]
+        reasons += [self.trouble] if self.trouble is not None else []
         reasons += self._marks
         self._marks = []
         return Health(
             t=t,
-            state="finished" if finished else "hearing",
+            state="finished" if finished else "hearing" if condition.hearing else "not_hearing",
             samples_in=tally.samples,
             lost=tally.lost,
-            overflows=tally.overflows,
+            overflows=condition.overflows,
             clipped=self._counts.clipped_samples,
             non_finite=self._counts.non_finite_samples,
             publications_dropped=self._dropped(),
-            ring_fill=0.0,
+            ring_fill=condition.ring_fill,
             latency_ms_p50=None if latencies_ms is None else float(np.percentile(latencies_ms, 50)),
             latency_ms_p99=None if latencies_ms is None else float(np.percentile(latencies_ms, 99)),
+            clock_ppm=condition.clock_ppm,
             reasons=reasons,
         )

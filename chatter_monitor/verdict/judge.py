@@ -173,6 +173,10 @@ class Judge:
             self._spindle = spindle
             self._memory = replace(self._memory, spindle_is_new=True)
 
+    def set_thresholds(self, settings: JudgeSettings) -> None:
+        """Judge by other thresholds, from the next interval on; what is remembered stays."""
+        self._settings = settings
+
     def verdict(self, evidence: Evidence, first_sample: int, samples: int, sample_rate_hz: float) -> Verdict:
         """Judge the next interval."""
         settings = self._settings

@@ -1,0 +1,108 @@
+"""What the daemon tells its owner: one line for each thing that changes, on standard error, for the journal."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+from chatter_monitor.outlets.outlet import Outlet
+from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
+
+# Priorities of syslog(3), which journald reads from the start of a line.
+PRIORITIES = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
+
+_log = logging.getLogger(__name__)
+
+
+class _Lines(logging.Formatter):
+    """One line for each record: with its priority for the journal, which knows the time; with the time for others."""
+
+    def __init__(self, *, for_journal: bool) -> None:
+        super().__init__("%(message)s" if for_journal else "%(asctime)s %(levelname)-7s %(message)s", "%H:%M:%S")
+        self._for_journal = for_journal
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Text of the line."""
+        text = " ".join(super().format(record).split())
+        return f"<{PRIORITIES.get(record.levelno, 6)}>{text}" if self._for_journal else text
+
+
+@contextmanager
+def journal(environment: Mapping[str, str], descriptor: int = 2) -> Iterator[None]:
+    """Send what the program logs to a file descriptor, standard error by default.
+
+    The descriptor is duplicated, because sounddevice silences standard error for moments.
+    """
+    status = os.fstat(descriptor)
+    for_journal = environment.get("JOURNAL_STREAM") == f"{status.st_dev}:{status.st_ino}"
+    logger = logging.getLogger("chatter_monitor")
+    with os.fdopen(os.dup(descriptor), "w", encoding="utf-8", errors="backslashreplace") as stream:
+        handler = logging.StreamHandler(stream)
+        handler.setFormatter(_Lines(for_journal=for_journal))
+        level = logger.level
+        logger.addHandler(handler)
+        logger.setLevel(logging.INFO)
+        try:
+            yield
+        finally:
+            logger.removeHandler(handler)
+            logger.setLevel(level)
+
+
+class Story(Outlet):
+    """Tells the journal when hearing stops and begins, when problems come and go, and when it chatters."""
+
+    def __init__(self) -> None:
+        self._hearing = True  # nobody needs to be told when it begins like that
+        self._problems: set[str] = set()
+        self._alarmed: set[int] = set()
+
+    def frame(self, frame: OdpFrame, odp: Odp) -> None:
+        """Nothing: it would be 20 lines a second."""
+
+    def message(self, message: Verdict | Event | Health) -> None:
+        """Tell what is new."""
+        match message:
+            case Verdict():
+                self._verdict(message)
+            case Event():
+                self._alarmed.discard(message.channel)
+                _log.warning(
+                    "channel %d: chatter is over after %.2f s, event %s: %.0f Hz, least damping %.2f %%",
+                    message.channel,
+                    message.end_s - message.onset_s,
+                    message.id,
+                    message.peak_frequency_hz,
+                    100 * message.min_damping_ratio,
+                )
+            case Health():
+                self._health(message)
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+    def _verdict(self, verdict: Verdict) -> None:
+        if verdict.state != "self_excited":
+            if verdict.state != "unknown":
+                self._alarmed.discard(verdict.channel)
+            return
+        if verdict.channel not in self._alarmed:
+            self._alarmed.add(verdict.channel)
+            _log.warning("channel %d: CHATTER: %s", verdict.channel, "; ".join(verdict.reasons))
+
+    def _health(self, health: Health) -> None:
+        if health.state == "finished":
+            return
+        if health.state == "hearing" and not self._hearing:
+            _log.info("hearing again; %d samples lost since the start", health.lost)
+        self._hearing = health.state == "hearing"
+        known, self._problems = self._problems, set()
+        for reason in health.reasons:
+            # numbers in it grow, and that is no news
+            problem = re.sub(r"\d[\d.]*", "#", reason)
+            self._problems.add(problem)
+            if problem not in known and not problem.startswith("# samples lost"):
+                _log.log(logging.INFO if reason.startswith("mark at") else logging.WARNING, "%s", reason)
