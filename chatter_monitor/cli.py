@@ -97,6 +97,51 @@ def run(configs: tuple[Path, ...]) -> None:
 
 
 @cli.command()
+@CONFIG
+@JSON
+@DEBUG
+def devices(configs: tuple[Path, ...], as_json: bool) -> None:
+    """List the sound devices that can be listened to, at which rates, and which one the configuration chooses."""
+    import msgspec
+
+    from chatter_monitor.config import load
+    from chatter_monitor.service.devices import lines, listing
+
+    found = listing(load(configs))
+    if as_json:
+        _print_json(msgspec.to_builtins(found))
+    else:
+        for line in lines(found):
+            click.echo(line)
+    if not found.devices:
+        raise SystemExit(3)
+
+
+@cli.command()
+@click.option("--running", is_flag=True, help="Only ask the running monitor whether it hears (a health check).")
+@CONFIG
+@JSON
+@DEBUG
+def doctor(configs: tuple[Path, ...], running: bool, as_json: bool) -> None:
+    """Say what is wrong with this installation and what to do about it; exit code 3 if anything is."""
+    import msgspec
+
+    from chatter_monitor.config import load
+    from chatter_monitor.service import doctor
+
+    findings = []
+    for finding in [doctor.running(load(configs))] if running else doctor.examine(configs):
+        findings.append(finding)
+        if not as_json:
+            click.echo(doctor.line(finding))  # as they come: some take seconds
+    wrong = any(finding.state == "wrong" for finding in findings)
+    if as_json:
+        _print_json({"ok": not wrong, "findings": msgspec.to_builtins(findings)})
+    if wrong:
+        raise SystemExit(3)
+
+
+@cli.command()
 @click.argument("model", type=click.Path(path_type=Path))
 @click.option("--seconds", type=click.FloatRange(min=0, min_open=True), required=True, help="Length of the recording.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Same seed, same recording.")
