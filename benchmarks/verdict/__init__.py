@@ -1,0 +1,1 @@
+"""Benchmark of the verdict: simulated cuts with known truth, scored beside detectors from the literature."""

@@ -1,0 +1,48 @@
+"""Score the monitor on simulated cuts.
+
+Run: python -m benchmarks.verdict [--split development|report] [--cuts N] [--speed known|unknown|both] [--out DIR]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+
+from benchmarks.verdict.cache import cached_cuts
+from benchmarks.verdict.monitor import listen
+from benchmarks.verdict.report import as_results, show
+from benchmarks.verdict.scoring import Heard
+
+
+def main() -> None:
+    """Generate, listen, score, print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.verdict", description=__doc__)
+    parser.add_argument("--split", choices=("development", "report"), default="development")
+    parser.add_argument("--cuts", type=int, default=420, help="how many, families in turn (default 420)")
+    parser.add_argument("--speed", choices=("known", "unknown", "both"), default="both")
+    parser.add_argument("--out", type=Path, help="directory for results.json and pictures")
+    parser.add_argument("--cache", type=Path, help="directory to keep generated cuts in")
+    chosen = parser.parse_args()
+    console = Console(width=150)
+    console.print(f"Split: {chosen.split}, {chosen.cuts} cuts")
+    known = {"known": (True,), "unknown": (False,), "both": (True, False)}[chosen.speed]
+    heard: dict[str, list[Heard]] = {f"speed {'known' if k else 'unknown'}": [] for k in known}
+    made = cached_cuts(chosen.split, chosen.cuts, chosen.cache)
+    for cut in track(made, total=chosen.cuts, description="cuts", console=Console(stderr=True)):
+        for k, opinions in zip(known, heard.values(), strict=True):
+            opinions.append(Heard(cut, listen(cut, speed_known=k)))
+    results = {name: as_results(list_of) for name, list_of in heard.items()}
+    for name, result in results.items():
+        show(console, name, result)
+    if chosen.out is not None:
+        chosen.out.mkdir(parents=True, exist_ok=True)
+        document = {"split": chosen.split, "cuts": chosen.cuts, "results": results}
+        (chosen.out / "results.json").write_text(json.dumps(document, indent=1))
+
+
+if __name__ == "__main__":
+    main()

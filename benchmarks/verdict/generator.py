@@ -1,0 +1,196 @@
+"""Simulated cuts with their truth, the same for the same split and number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, RATE_HZ, Cut
+from benchmarks.verdict.cutting import Drive, vibration
+from benchmarks.verdict.families import FAMILIES
+from benchmarks.verdict.labels import Heard, judge_truth
+from benchmarks.verdict.recipe import Engagement, Recipe
+from benchmarks.verdict.roots import critical_kappa
+
+Floats = NDArray[np.float64]
+Split = Literal["development", "report"]
+
+# Disjoint streams of random numbers. Nobody looks at the report split while a monitor or a generator is being made.
+SEEDS: dict[Split, int] = {"development": 20_131, "report": 77_003}
+
+OVERSAMPLING = 4
+STEP_HZ = OVERSAMPLING * RATE_HZ
+# Cut off on both ends after the decimation, which takes the signal for a period.
+MARGIN_S = 0.1
+
+WANDER = 0.003  # standard deviation of the speed over its mean
+WANDER_CORNER_HZ = 1.0
+AC_CORNER_HZ = 15.0  # sensors and sound cards pass no static deflection
+
+
+def cuts(split: Split, count: int, first: int = 0) -> Iterator[Cut]:
+    """Yield `count` cuts of a split, families in turn, beginning with number `first`.
+
+    A cut depends on its split and number alone, not on how many are asked for.
+    """
+    for number in range(first, first + count):
+        yield cut(split, number)
+
+
+def cut(split: Split, number: int) -> Cut:
+    """Cut `number` of a split."""
+    family = list(FAMILIES)[number % len(FAMILIES)]
+    rng = np.random.default_rng([SEEDS[split], number])
+    return simulate(FAMILIES[family](rng), f"{split}-{number:04d}-{family}", family, rng)
+
+
+def simulate(recipe: Recipe, name: str, family: str, rng: np.random.Generator) -> Cut:
+    """Simulate what a recipe says and find out what is true of it."""
+    intervals = int(recipe.duration_s / INTERVAL_S)
+    keep = slice(round(MARGIN_S * RATE_HZ), round(MARGIN_S * RATE_HZ) + intervals * INTERVAL_SAMPLES)
+    n = round((intervals * INTERVAL_S + 2.0 * MARGIN_S) * STEP_HZ)
+    t = np.arange(n) / STEP_HZ - MARGIN_S
+
+    rpm = recipe.rpm(t) * (1.0 + WANDER * _wander(rng, n))
+    revolutions = np.cumsum(rpm) / (60.0 * STEP_HZ) + rng.uniform(0.0, 1.0)
+    tooth_phase = recipe.teeth * revolutions
+    earlier = np.interp(tooth_phase - 1.0, tooth_phase, t, left=np.nan)
+    delay_s = np.where(np.isnan(earlier), 60.0 / (recipe.teeth * rpm), t - earlier)
+
+    harmonics = recipe.engagement.harmonics()
+    limit = min(
+        critical_kappa(recipe.modes, 60.0 / (recipe.teeth * speed), harmonics) for speed in set(recipe.rpm.values)
+    )
+    kappa = recipe.depth(t) * limit
+    mean = kappa * recipe.modes[0].omega ** 2 * _engaged(recipe.engagement, tooth_phase, revolutions)
+    radii = recipe.run_out * rng.standard_normal(recipe.teeth)
+    feed = recipe.feed(t)
+    run_out = feed * _tooth_radius(radii - radii.mean(), tooth_phase, recipe.engagement.edge)
+    steady = Drive(mean, feed, run_out, delay_s * STEP_HZ, np.zeros(n))
+    unsteady = Drive(
+        mean * (1.0 + recipe.unsteadiness * _unsteadiness(rng, n, recipe.slow_share)),
+        feed,
+        run_out,
+        steady.delay_steps,
+        _blows(recipe, t),
+    )
+    heard, forced = (_run(recipe, drive, t, keep) for drive in (unsteady, steady))
+    middle = INTERVAL_S * (np.arange(intervals) + 0.5)
+    truth = judge_truth(recipe, harmonics, limit, np.interp(middle, t, rpm), heard, forced)
+    calm = truth.damping_ratio > 0
+    cutting = truth.kappa > 0
+    chosen = calm & cutting if (calm & cutting).any() else cutting
+    usual = float(np.median(truth.vibration_rms[chosen]))
+    samples = heard.vibration + _tones(rng, recipe, heard.vibration.size, usual)
+    samples += usual * 10 ** (-recipe.snr_db / 20.0) * _room_noise(rng, samples.size)
+    peak = float(np.max(np.abs(samples)))
+    full_scale = 10 ** rng.uniform(-2.5, -0.05)
+    samples *= full_scale / peak
+    if recipe.clip is not None:
+        samples = np.clip(samples / full_scale, -recipe.clip, recipe.clip) / recipe.clip
+    off = rng.choice((-1.0, 1.0)) * rng.uniform(0.01, 0.03)
+    coarse = slice(None, None, round(0.01 * STEP_HZ))
+    return Cut(
+        name=name,
+        family=family,
+        samples=samples.astype(np.float32).astype(np.float64),  # as a recording has them
+        rate_hz=RATE_HZ,
+        nominal_rpm=float(recipe.rpm.values[0] * (1.0 + off)),
+        teeth=recipe.teeth,
+        speed_times_s=t[coarse],
+        speed_rpm=rpm[coarse],
+        snr_db=recipe.snr_db,
+        sensor=recipe.sensor,
+        truth=truth,
+    )
+
+
+def _run(recipe: Recipe, drive: Drive, t: Floats, keep: slice) -> Heard:
+    """Simulate with a drive, and reduce to the monitor's rate."""
+    fine, apart = vibration(recipe.modes, drive, STEP_HZ, recipe.sensor)
+    coarse = _recorded(recipe.loudness(t) * fine)[keep]
+    stride = OVERSAMPLING * INTERVAL_SAMPLES
+    out_of_cut = apart[OVERSAMPLING * keep.start : OVERSAMPLING * keep.stop].reshape(-1, stride).mean(axis=1)
+    return Heard(coarse, out_of_cut)
+
+
+def _wander(rng: np.random.Generator, n: int) -> Floats:
+    """Ornstein-Uhlenbeck process of unit variance: how a spindle wanders about its speed."""
+    stride = 64
+    rho = math.exp(-2.0 * math.pi * WANDER_CORNER_HZ * stride / STEP_HZ)
+    coarse = rng.standard_normal(n // stride + 2) * math.sqrt(1.0 - rho**2)
+    coarse[0] /= math.sqrt(1.0 - rho**2)
+    return np.interp(np.arange(n) / stride, np.arange(coarse.size), lfilter([1.0], [1.0, -rho], coarse))
+
+
+def _unsteadiness(rng: np.random.Generator, n: int, slow_share: float) -> Floats:
+    """Cutting force over its mean, less one, of unit variance: chip segments, hard grains; broad and slow parts."""
+    parts = []
+    for corner_hz in (rng.uniform(1500.0, 8000.0), rng.uniform(15.0, 80.0)):
+        rho = math.exp(-2.0 * math.pi * corner_hz / STEP_HZ)
+        parts.append(lfilter([math.sqrt(1.0 - rho**2)], [1.0, -rho], rng.standard_normal(n)))
+    return np.asarray(math.sqrt(1.0 - slow_share) * parts[0] + math.sqrt(slow_share) * parts[1])
+
+
+def _engaged(engagement: Engagement, tooth_phase: Floats, revolutions: Floats) -> Floats:
+    return engagement.teeth(tooth_phase) * engagement.spindle(revolutions)
+
+
+def _tooth_radius(radii: Floats, tooth_phase: Floats, edge: float) -> Floats:
+    """Radius of the tooth in the cut, from one to the next over the `edge`."""
+    tooth = np.floor(tooth_phase).astype(np.int64)
+    blend = np.clip((tooth_phase - tooth) / edge, 0.0, 1.0)
+    blend = np.sin(0.5 * np.pi * blend) ** 2
+    previous, present = radii[(tooth - 1) % radii.size], radii[tooth % radii.size]
+    return np.asarray(previous + (present - previous) * blend)
+
+
+def _blows(recipe: Recipe, t: Floats) -> Floats:
+    """Half sines of 1 ms, each strong enough for the displacement that the recipe says."""
+    force = np.zeros(t.size)
+    width_s = 0.001
+    for at, displacement in recipe.impacts:
+        first = int(np.searchsorted(t, at))
+        pulse = np.sin(np.pi * np.arange(round(width_s * STEP_HZ)) / (width_s * STEP_HZ))
+        force[first : first + pulse.size] += pulse * displacement * recipe.modes[0].omega * 0.5 * np.pi / width_s
+    return force
+
+
+def _recorded(fine: Floats) -> Floats:
+    """Decimate to the monitor's rate without a hole at the edge of the band, and without what is static.
+
+    The edge is a power-complementary half-cosine of 6.1-6.7 kHz: white noise stays exactly white under the folding. A
+    brick wall below the edge would leave an empty top of the band, which spoils every ARMA fit.
+    """
+    spectrum = np.fft.rfft(fine)
+    f = np.fft.rfftfreq(fine.size, 1.0 / STEP_HZ)
+    edge = 0.5 * RATE_HZ
+    u = np.clip((f - 0.953 * edge) / (2.0 * 0.047 * edge), 0.0, 1.0)
+    spectrum *= np.cos(0.5 * np.pi * u)
+    spectrum *= 1.0 / (1.0 - 1j * AC_CORNER_HZ / np.maximum(f, 1e-9))
+    return np.asarray(np.fft.irfft(spectrum, fine.size)[::OVERSAMPLING])
+
+
+def _tones(rng: np.random.Generator, recipe: Recipe, n: int, usual: float) -> Floats:
+    """Tones from elsewhere, a little unsteady in frequency and level."""
+    t = np.arange(n) / RATE_HZ
+    total = np.zeros(n)
+    for frequency_hz, level in recipe.tones:
+        drift = np.interp(t, np.arange(0.0, t[-1] + 1.0, 0.5), rng.standard_normal(int(2 * (t[-1] + 1.0)) + 1))
+        phase = 2.0 * np.pi * frequency_hz * (t + 3e-5 * np.cumsum(drift) / RATE_HZ)
+        total += math.sqrt(2.0) * usual * level * (1.0 + 0.03 * drift) * np.sin(phase + rng.uniform(0.0, 2.0 * np.pi))
+    return total
+
+
+def _room_noise(rng: np.random.Generator, n: int) -> Floats:
+    """Gaussian noise of unit variance whose spectrum falls with frequency, on a white floor."""
+    f = np.maximum(np.fft.rfftfreq(n, 1.0 / RATE_HZ), 20.0)
+    slope, corner_hz = rng.uniform(0.0, 1.0), rng.uniform(100.0, 1000.0)
+    shape = (1.0 + (f / corner_hz) ** 2) ** (-0.5 * slope) + rng.uniform(0.02, 0.2)
+    noise = np.fft.irfft(shape * np.fft.rfft(rng.standard_normal(n)), n)
+    return np.asarray(noise / np.std(noise))

@@ -1,0 +1,79 @@
+"""Tables of the scores."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.verdict.families import FAMILIES
+from benchmarks.verdict.scoring import (
+    SNR_BANDS_DB,
+    Heard,
+    by_event,
+    by_interval,
+    lags,
+    margins,
+    reliability,
+    warnings,
+)
+
+
+def as_results(heard: list[Heard]) -> dict[str, Any]:
+    """All scores of one way to run the monitor, ready for JSON."""
+    groups = {"all": heard}
+    groups |= {family: [h for h in heard if h.cut.family == family] for family in FAMILIES}
+    groups |= {
+        f"SNR {low:.0f}-{high:.0f} dB": [h for h in heard if low <= h.cut.snr_db < high] for low, high in SNR_BANDS_DB
+    }
+    return {
+        "groups": {name: {**by_interval(part), "event": by_event(part)} for name, part in groups.items() if part},
+        "lags": lags(heard),
+        "warnings": warnings(heard),
+        "reliability": reliability(heard),
+        "margins": margins(heard),
+    }
+
+
+def show(console: Console, name: str, results: dict[str, Any]) -> None:
+    """Print the scores of one way to run the monitor."""
+    table = Table(title=f"Intervals and events, {name}")
+    for heading in ("", "self", "recall", "others", "false", "of these early", "/h", "forced", "as forced", "unscored"):
+        table.add_column(heading, justify="right" if heading else "left")
+    table.add_column("events found", justify="right")
+    table.add_column("false events", justify="right")
+    for group, score in results["groups"].items():
+        table.add_row(
+            group,
+            str(score["self_excited"]),
+            _percent(score["recall"], 1),
+            str(score["not_self_excited"]),
+            _percent(score["false_alarm_share"], 2),
+            _percent(score["early_share"], 2),
+            "" if score["false_alarms_per_hour"] is None else f"{score['false_alarms_per_hour']:.0f}",
+            str(score["forced"]),
+            _percent(score["forced_accuracy"], 1),
+            _percent(score["unscored_share"], 1),
+            _percent(score["event"]["found"], 0),
+            _percent(score["event"]["false_alarm_share"], 0),
+        )
+    console.print(table)
+    for heading in ("lags", "warnings", "margins"):
+        console.print(f"{heading}: " + ", ".join(f"{key} {_number(value)}" for key, value in results[heading].items()))
+    table = Table(title=f"Reliability of the confidence, {name}")
+    for heading in ("confidence", "verdicts", "mean", "right"):
+        table.add_column(heading, justify="right")
+    for row in results["reliability"]:
+        if row["verdicts"]:
+            span = f"{row['from']:.2f}-{row['to']:.2f}"
+            table.add_row(span, str(row["verdicts"]), f"{row['mean_confidence']:.3f}", f"{row['right']:.3f}")
+    console.print(table)
+
+
+def _percent(value: float | None, digits: int) -> str:
+    return "" if value is None else f"{100.0 * value:.{digits}f} %"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"

@@ -1,0 +1,250 @@
+"""How verdicts are scored against the truth: by interval, by event, by lag, by confidence, by margin.
+
+Scoring rules change rankings, so intervals and events are both given. Whatever the truth leaves open is not scored.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.verdict.cut import INTERVAL_S, Cut, Label
+from benchmarks.verdict.monitor import Opinions
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+SUDDEN = ("step", "forced_then_chatter")
+EARLY_S = 0.5  # a false alarm so shortly before a crossing is named apart: it is early rather than wrong
+WARNING_S = 2.0  # a warning counts for so long before the amplitude has doubled
+LAG_S, LAG_PERIODS = 0.05, 30.0  # the longer is allowed
+SNR_BANDS_DB = ((10.0, 18.0), (18.0, 27.0), (27.0, 35.0))
+CONFIDENCE_EDGES = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0001)
+MARGIN_WINDOW_S = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Heard:
+    """A cut and what was said of it."""
+
+    cut: Cut
+    said: Opinions
+
+    @property
+    def alarm(self) -> Bools:
+        """Intervals that were called self-excited."""
+        return np.asarray(self.said.state == "self_excited")
+
+
+def by_interval(heard: Iterable[Heard]) -> dict[str, float | None]:
+    """Recall of self-excited intervals, false alarms among the others, forced called forced.
+
+    Returns
+    -------
+    dict
+        Counts, `recall`, `false_alarm_share`, `false_alarms_per_hour` (events), `early_share` (false alarms shortly
+        before a crossing, contained in the former), `forced_accuracy`, `unscored_share`; None where there is nothing
+        to count.
+    """
+    n = dict.fromkeys(
+        ("self", "recalled", "calm", "false", "early", "events", "forced", "called_forced", "unscored"), 0
+    )
+    total = 0
+    for h in heard:
+        label = h.cut.truth.label
+        calm = (label == Label.OTHER) | (label == Label.FORCED)
+        wrong = h.alarm & calm
+        n["self"] += int(np.sum(label == Label.SELF_EXCITED))
+        n["recalled"] += int(np.sum(h.alarm & (label == Label.SELF_EXCITED)))
+        n["calm"] += int(np.sum(calm))
+        n["false"] += int(np.sum(wrong))
+        n["early"] += int(np.sum(wrong & _shortly_before(h.cut)))
+        n["events"] += _beginnings(wrong)
+        n["forced"] += int(np.sum(label == Label.FORCED))
+        n["called_forced"] += int(np.sum((h.said.state == "forced") & (label == Label.FORCED)))
+        n["unscored"] += int(np.sum(label == Label.UNSCORED))
+        total += label.size
+    hours = n["calm"] * INTERVAL_S / 3600.0
+    return {
+        "self_excited": n["self"],
+        "not_self_excited": n["calm"],
+        "forced": n["forced"],
+        "recall": _share(n["recalled"], n["self"]),
+        "false_alarm_share": _share(n["false"], n["calm"]),
+        "early_share": _share(n["early"], n["calm"]),
+        "false_alarms_per_hour": n["events"] / hours if hours else None,
+        "forced_accuracy": _share(n["called_forced"], n["forced"]),
+        "unscored_share": _share(n["unscored"], total),
+    }
+
+
+def by_event(heard: Iterable[Heard]) -> dict[str, float | None]:
+    """Stretches of chatter that were alarmed at all, and stretches of alarm that have nothing to do with one."""
+    chatter = found = alarms = false = 0
+    for h in heard:
+        label = h.cut.truth.label
+        for first, last in _runs(label == Label.SELF_EXCITED):
+            chatter += 1
+            found += bool(h.alarm[first:last].any())
+        for first, last in _runs(h.alarm):
+            alarms += 1
+            false += bool(np.isin(label[first:last], (Label.OTHER, Label.FORCED)).all())
+    return {
+        "chatter": chatter,
+        "found": _share(found, chatter),
+        "alarms": alarms,
+        "false_alarm_share": _share(false, alarms),
+    }
+
+
+def lags(heard: Iterable[Heard]) -> dict[str, float | None]:
+    """From a sudden crossing to the end of the first interval called self-excited.
+
+    Alarms that were on already are counted as `early` and have no lag; chatter never alarmed has an infinite one.
+    """
+    seconds, over_limit, early = [], [], 0
+    for h in heard:
+        if h.cut.family not in SUDDEN:
+            continue
+        for crossing_s in h.cut.truth.crossings_s[:1]:
+            at = int(crossing_s / INTERVAL_S)
+            if h.alarm[at - 1]:
+                early += 1
+                continue
+            later = np.flatnonzero(h.alarm[at:])
+            lag = INTERVAL_S * (at + later[0] + 1) - crossing_s if later.size else np.inf
+            period_s = 1.0 / np.median(h.cut.truth.frequency_hz[at : at + 10])
+            seconds.append(lag)
+            over_limit.append(lag / max(LAG_S, LAG_PERIODS * period_s))
+    if not seconds:
+        return {"cuts": 0}
+    return {
+        "cuts": len(seconds),
+        "early": early,
+        "never": int(np.sum(np.isinf(seconds))),
+        "median_ms": 1e3 * _percentile(seconds, 50),
+        "p95_ms": 1e3 * _percentile(seconds, 95),
+        "median_over_limit": _percentile(over_limit, 50),
+        "p95_over_limit": _percentile(over_limit, 95),
+    }
+
+
+def warnings(heard: Iterable[Heard]) -> dict[str, float | None]:
+    """Slow ramps warned of before the vibration had doubled, and how often far from the limit for nothing."""
+    ramps = warned = far = warned_far = 0
+    for h in heard:
+        raised = (h.said.state == "approaching") | h.alarm
+        truth = h.cut.truth
+        if h.cut.family == "ramp":
+            for doubled_s in truth.doubled_s[:1]:
+                if doubled_s is not None:
+                    window = slice(max(0, int((doubled_s - WARNING_S) / INTERVAL_S)), int(doubled_s / INTERVAL_S))
+                    ramps += 1
+                    warned += bool(raised[window].any())
+        calm = np.isin(truth.label, (Label.OTHER, Label.FORCED)) & (truth.kappa < 0.5 * truth.kappa_critical)
+        far += int(np.sum(calm))
+        warned_far += int(np.sum(calm & raised))
+    return {
+        "ramps": ramps,
+        "warned_before_doubling": _share(warned, ramps),
+        "raised_below_half_the_limit": _share(warned_far, far),
+    }
+
+
+def reliability(heard: Iterable[Heard]) -> list[dict[str, float | None]]:
+    """Of the verdicts given with a confidence, how many were right.
+
+    Right is: self-excited where it is; forced where the truth is forced; anything else where it is neither.
+    ``unknown`` claims nothing and is left out.
+    """
+    confidence, right = [], []
+    for h in heard:
+        label, state = h.cut.truth.label, h.said.state
+        said = np.where(h.alarm, Label.SELF_EXCITED, np.where(state == "forced", Label.FORCED, Label.OTHER))
+        chosen = (label != Label.UNSCORED) & (state != "unknown")
+        confidence.append(h.said.confidence[chosen])
+        right.append((said == label)[chosen])
+    given, good = (np.concatenate(c) if c else np.zeros(0) for c in (confidence, right))
+    table: list[dict[str, float | None]] = []
+    for low, high in itertools.pairwise(CONFIDENCE_EDGES):
+        inside = (given >= low) & (given < high)
+        count = int(inside.sum())
+        table.append(
+            {
+                "from": low,
+                "to": min(high, 1.0),
+                "verdicts": count,
+                "mean_confidence": float(given[inside].mean()) if count else None,
+                "right": float(good[inside].mean()) if count else None,
+            }
+        )
+    return table
+
+
+def margins(heard: Iterable[Heard]) -> dict[str, float | None]:
+    """Errors of the margin over windows of 5 s of the family of steady stable cuts.
+
+    The margin is 100 (kappa_critical / kappa - 1) percent; what is compared is kappa over its critical value.
+    """
+    ratio_errors, damping_errors, silent = [], [], 0
+    for h in heard:
+        if h.cut.family != "stable":
+            continue
+        truth, size = h.cut.truth, round(MARGIN_WINDOW_S / INTERVAL_S)
+        for first in range(round(1.0 / INTERVAL_S), len(truth) - size + 1, size):
+            window = slice(first, first + size)
+            said = 1.0 / (1.0 + h.said.margin_percent[window] / 100.0)
+            if np.isnan(said).mean() > 0.5:
+                silent += 1
+                continue
+            true = np.median(truth.kappa[window] / truth.kappa_critical[window])
+            ratio_errors.append(abs(float(np.nanmedian(said)) / true - 1.0))
+            damping = np.nanmedian(h.said.damping_ratio[window]) - np.median(truth.damping_ratio[window])
+            damping_errors.append(abs(float(damping)))
+    return {
+        "windows": len(ratio_errors),
+        "silent": silent,
+        "median_relative_error": _percentile(ratio_errors, 50),
+        "p95_relative_error": _percentile(ratio_errors, 95),
+        "median_damping_error": _percentile(damping_errors, 50),
+        "damping_within_0.005": float(np.mean(np.array(damping_errors) < 0.005)) if damping_errors else None,
+    }
+
+
+def curve(scores: Floats, label: NDArray[np.int8]) -> tuple[Floats, Floats]:
+    """Share of false alarms and recall over all thresholds of a score, both ascending; shape (thresholds,) each."""
+    chosen = label != Label.UNSCORED
+    score, positive = scores[chosen], label[chosen] == Label.SELF_EXCITED
+    order = np.argsort(-score, kind="stable")
+    last_of_its_value = np.append(np.flatnonzero(np.diff(score[order])), score.size - 1)
+    true = np.cumsum(positive[order])[last_of_its_value]
+    false = np.cumsum(~positive[order])[last_of_its_value]
+    return false / max(1, np.sum(~positive)), true / max(1, np.sum(positive))
+
+
+def _shortly_before(cut: Cut) -> Bools:
+    t = cut.truth.start_s
+    near = [(t > crossing - EARLY_S) & (t < crossing) for crossing in cut.truth.crossings_s]
+    return np.any(near, axis=0) if near else np.zeros(t.size, bool)
+
+
+def _runs(mask: Bools) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _beginnings(mask: Bools) -> int:
+    return len(_runs(mask))
+
+
+def _share(part: int, whole: int) -> float | None:
+    return part / whole if whole else None
+
+
+def _percentile(values: list[float], percent: float) -> float | None:
+    # inverted_cdf takes one of the values: interpolating towards an infinite lag would give no number
+    return float(np.percentile(values, percent, method="inverted_cdf")) if values else None
