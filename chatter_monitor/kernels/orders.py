@@ -1,9 +1,10 @@
-"""Spindle-synchronous part of a signal: a harmonic series that is predicted, subtracted, and followed tile by tile.
+"""Spindle-synchronous part of a signal: one revolution of it as a table over the angle, subtracted sample by sample.
 
-Within a tile the series turns at constant speed with constant amplitudes, so that the tile's prediction is known before
-its first sample: subtracting it costs no delay, and no cut of the stream into blocks can change it. After its last
-sample the tile is demodulated, which says how far every harmonic is from its prediction. What all harmonics turn by
-together, each by its order, is the spindle's; a Kalman filter follows it. What remains moves the amplitudes.
+Three paces. Every sample is predicted from the table at the angle where the spindle will be. Every tile of 5 ms the
+angle and the speed are corrected by what the prediction left over (Kalman filter), and what is left over then is folded
+onto the revolution. Once in 50 ms, or in a revolution if that is longer, the Fourier coefficients of the fold move the
+amplitudes of the harmonics; only harmonics that are steady enter the next table. Tiles lie on a fixed grid, and a
+tile is predicted before its first sample: no delay, and no cut of the stream into blocks can change anything.
 """
 
 import math
@@ -14,212 +15,277 @@ from numba import njit
 
 from chatter_monitor.kernels.options import OPTIONS
 
-# Sums over many harmonics or samples: in any order, which lets them run in vector lanes.
-SUMS = {**OPTIONS, "fastmath": {"contract", "nsz", "reassoc"}}
+TILE = 64  # samples
+POINTS = 1024  # of the table; four on the shortest period that can be among the harmonics
+MOST_ORDERS = POINTS // 4
 
 # Power of a harmonic's average over the variance of that average: exponentially distributed with mean 1 where there is
-# only noise. Below FAINT nothing is subtracted, above CLEAR all of it, and the harmonic helps to follow the speed.
-FAINT = 6.0
-CLEAR = 12.0
+# only noise. Below FAINT nothing is subtracted, above CLEAR all of it, and the harmonic helps to follow the angle.
+FAINT = 8.0
+CLEAR = 14.0
 
-# A harmonic tells the phase of the spindle only while its own phase is known to well within a turn.
+# A harmonic tells the angle of the spindle only while its own phase is known to well within a turn.
 LARGEST_PHASE_SD = 0.5
 
-# Indices of `OrderState.angle`
-PHASE, SPEED, PHASE_VAR, COVARIANCE, SPEED_VAR = range(5)
+# How fast the filter learns how noisy its measurements are, and how unsteady the speed is, per tile.
+ADAPTATION = 0.03
+LARGEST_SURPRISE = 9.0  # squared innovations count as this many times their variance at most
+LARGEST_NOISE = 100.0
+
+TWO_PI = 2.0 * math.pi
+
+# Indices of `OrderState.angle`: at the middle of the tile (rad, rad per sample) with covariance; variance per sample of
+# the speed's random walk with its limits; noise of the measured angle over what the harmonics' scatter promises; the
+# last innovation over its standard deviation; radians turned since the amplitudes moved.
+PHASE, SPEED, PHASE_VAR, COVARIANCE, SPEED_VAR, DRIFT, LEAST_DRIFT, MOST_DRIFT, NOISE, INNOVATION, TURNED = range(11)
+
+# Indices of `OrderState.counts`: samples of the tile that have come; samples folded; times that amplitudes have moved.
+POSITION, FOLDED, LEARNED = range(3)
+
+# Rows of `OrderState.tables`: the signal; the same with each harmonic over the variance of the noise around it.
+SIGNAL, WEIGHTED = range(2)
+
+# Rows of `OrderState.tile`: samples; their prediction; slope of the weighted table there; that times the signal's slope.
+SAMPLES, PREDICTION, SLOPE, INFORMATION = range(4)
 
 
 class OrderState(NamedTuple):
-    """The harmonic series; row h - 1 of each array is order h.
+    """The harmonic series; entry h - 1 of each column of ``shape (orders,)`` is order h.
 
     Attributes
     ----------
     real, imag : ndarray of float64, shape (orders,)
         Complex amplitudes: harmonic h is Re(amplitude exp(j h angle)).
     variance : ndarray of float64, shape (orders,)
-        Mean squared distance of one tile's amplitude from the average.
+        Mean squared distance of the amplitude in one fold from the average.
     gate : ndarray of float64, shape (orders,)
         Share of the amplitude that is subtracted, 0 to 1.
-    angle : ndarray of float64, shape (5,)
-        Angle of the spindle at the middle of the current tile (rad), its speed (rad per sample), their covariance.
-    tiles : ndarray of int64, shape (1,)
-        Tiles that the averages hold, at most their memory.
-    work : ndarray of float64, shape (5, orders)
-        Work space.
+    tables : ndarray of float64, shape (2, POINTS + 3)
+        Over one revolution, from one point before angle zero to two points after the end.
+    fold : ndarray of float64, shape (POINTS,)
+        Sums of the residual over the angle.
+    spectra : ndarray of complex128, shape (2, POINTS / 2 + 1)
+        From which the tables are to be made.
+    tile : ndarray of float64, shape (4, TILE)
+        The current tile.
+    angle : ndarray of float64, shape (11,)
+        The Kalman filter.
+    counts : ndarray of int64, shape (3,)
     """
 
     real: np.ndarray
     imag: np.ndarray
     variance: np.ndarray
     gate: np.ndarray
+    tables: np.ndarray
+    fold: np.ndarray
+    spectra: np.ndarray
+    tile: np.ndarray
     angle: np.ndarray
-    tiles: np.ndarray
-    work: np.ndarray
+    counts: np.ndarray
 
 
-def new_state(orders: int, speed: float, speed_sd: float) -> OrderState:
-    """Series without amplitudes; ``speed`` and its standard deviation in radians per sample."""
-    angle = np.array([0.0, speed, 0.0, 0.0, speed_sd * speed_sd])
+def new_state(orders: int, speed: float, speed_sd: float, drift: tuple[float, float]) -> OrderState:
+    """Series without amplitudes.
+
+    Parameters
+    ----------
+    orders : int
+        Highest order, at most `MOST_ORDERS`.
+    speed, speed_sd : float
+        Radians per sample.
+    drift : (float, float)
+        Least and largest variance per sample of the speed's random walk, (rad per sample)^2.
+    """
     real, imag, variance, gate = np.zeros((4, orders))
-    return OrderState(real, imag, variance, gate, angle, np.zeros(1, dtype=np.int64), np.zeros((5, orders)))
-
-
-@njit(**SUMS)
-def predict(state, out):
-    """Fill ``out``, shape (tile,), with the current tile of what is to be subtracted."""
-    now, before, step = state.work[0], state.work[1], state.work[2]
-    speed = state.angle[SPEED]
-    start = state.angle[PHASE] - 0.5 * (out.shape[0] - 1) * speed
-    active = 0
-    for i in range(state.real.shape[0]):
-        if state.gate[i] > 0.0:
-            order = i + 1.0
-            real = state.gate[i] * state.real[i]
-            imag = state.gate[i] * state.imag[i]
-            now[active] = real * math.cos(order * start) - imag * math.sin(order * start)
-            before[active] = real * math.cos(order * (start - speed)) - imag * math.sin(order * (start - speed))
-            step[active] = 2.0 * math.cos(order * speed)
-            active += 1
-    for t in range(out.shape[0]):
-        total = 0.0
-        for i in range(active):
-            value = now[i]
-            total += value
-            now[i] = step[i] * value - before[i]
-            before[i] = value
-        out[t] = total
-
-
-@njit(**SUMS)
-def demodulate(residual, state):
-    """Complex amplitudes of all harmonics in a tile, by Goertzel's recursion, to ``work[0]`` and ``work[1]``."""
-    one, two, step = state.work[0], state.work[1], state.work[2]
-    orders = state.real.shape[0]
-    phase = state.angle[PHASE]
-    speed = state.angle[SPEED]
-    size = residual.shape[0]
-    for i in range(orders):
-        one[i] = 0.0
-        two[i] = 0.0
-        step[i] = 2.0 * math.cos((i + 1.0) * speed)
-    for t in range(size):
-        sample = residual[t]
-        for i in range(orders):
-            value = sample + step[i] * one[i] - two[i]
-            two[i] = one[i]
-            one[i] = value
-    for i in range(orders):
-        order = i + 1.0
-        # one - two exp(-j order speed), turned back to the middle of the tile and by the spindle's angle there
-        real = one[i] - two[i] * math.cos(order * speed)
-        imag = two[i] * math.sin(order * speed)
-        turn = order * (0.5 * (size - 1) * speed + phase)
-        one[i] = 2.0 / size * (real * math.cos(turn) + imag * math.sin(turn))
-        two[i] = 2.0 / size * (imag * math.cos(turn) - real * math.sin(turn))
+    angle = np.zeros(11)
+    angle[[SPEED, SPEED_VAR, LEAST_DRIFT, MOST_DRIFT, NOISE]] = speed, speed_sd**2, *drift, 1.0
+    angle[DRIFT] = math.sqrt(drift[0] * drift[1])
+    return OrderState(
+        real, imag, variance, gate,
+        np.zeros((2, POINTS + 3)), np.zeros(POINTS), np.zeros((2, POINTS // 2 + 1), dtype=np.complex128),
+        np.zeros((4, TILE)), angle, np.zeros(3, dtype=np.int64),
+    )  # fmt: skip
 
 
 @njit(**OPTIONS)
-def _advance(angle, size, drift):
-    """Turn to the middle of the next tile; the speed is a random walk, ``drift`` its variance per sample."""
-    angle[PHASE] = (angle[PHASE] + angle[SPEED] * size) % (2.0 * math.pi)
-    angle[PHASE_VAR] += size * (2.0 * angle[COVARIANCE] + size * angle[SPEED_VAR]) + drift * size * size * size / 3.0
-    angle[COVARIANCE] += size * angle[SPEED_VAR] + drift * size * size / 2.0
-    angle[SPEED_VAR] += drift * size
+def _place(angle):
+    """Index of the table's point before an angle, and the fraction of the way to the next."""
+    turn = angle / TWO_PI
+    place = (turn - math.floor(turn)) * POINTS
+    index = min(int(place), POINTS - 1)
+    return index, place - index
 
 
 @njit(**OPTIONS)
-def _correct(state, lowest):
-    """Kalman update of angle and speed by the phases of all clear harmonics together; returns the turn found."""
-    angle = state.angle
-    total = 0.0
+def _between(table, index, x):
+    """Cubic through the four points around (Lagrange)."""
+    a, b, c, d = table[index], table[index + 1], table[index + 2], table[index + 3]
+    return b + x * (c - a / 3.0 - b / 2.0 - d / 6.0 + x * ((a + c) / 2.0 - b + x * ((b - c) / 2.0 + (d - a) / 6.0)))
+
+
+@njit(**OPTIONS)
+def _slope(table, index, x):
+    """Slope of that cubic per radian."""
+    a, b, c, d = table[index], table[index + 1], table[index + 2], table[index + 3]
+    per_point = c - a / 3.0 - b / 2.0 - d / 6.0 + x * (a + c - 2.0 * b + x * ((b - c) * 1.5 + (d - a) * 0.5))
+    return per_point * (POINTS / TWO_PI)
+
+
+@njit(**OPTIONS)
+def _predict(state):
+    """Look ahead over the tile that begins."""
+    tile = state.tile
+    signal, weighted = state.tables[SIGNAL], state.tables[WEIGHTED]
+    speed = state.angle[SPEED]
+    angle = state.angle[PHASE] - 0.5 * (TILE - 1) * speed
+    for t in range(TILE):
+        index, x = _place(angle)
+        tile[PREDICTION, t] = _between(signal, index, x)
+        tile[SLOPE, t] = _slope(weighted, index, x)
+        tile[INFORMATION, t] = tile[SLOPE, t] * _slope(signal, index, x)
+        angle += speed
+
+
+@njit(**OPTIONS)
+def _correct(state):
+    """Kalman update of angle and speed by the tile: the residual along the slope of the weighted signal."""
+    angle, tile = state.angle, state.tile
+    score = 0.0
     information = 0.0
-    window = 2.0 * state.tiles[0]
-    for i in range(lowest - 1, state.real.shape[0]):
-        order = i + 1.0
-        if order * order * angle[PHASE_VAR] > LARGEST_PHASE_SD * LARGEST_PHASE_SD and information > 0.0:
-            break
-        real, imag, variance = state.real[i], state.imag[i], state.variance[i]
-        if window * (real * real + imag * imag) > CLEAR * variance and variance > 0.0:
-            total += order * (state.work[1, i] * real - state.work[0, i] * imag) / variance
-            information += order * order * (real * real + imag * imag) / variance
-    if information == 0.0:
-        return 0.0
-    # each of the two components has half of the variance
-    noise = 0.5 / information
-    innovation = total / information
-    spread = angle[PHASE_VAR] + noise
+    for t in range(TILE):
+        residual = tile[SAMPLES, t] - tile[PREDICTION, t]
+        if abs(residual) < np.inf:
+            score += residual * tile[SLOPE, t]
+            information += tile[INFORMATION, t]
+    if not information > 0.0:
+        return
+    innovation = score / information
+    spread = angle[PHASE_VAR] + angle[NOISE] / information
     gain = angle[PHASE_VAR] / spread
     speed_gain = angle[COVARIANCE] / spread
-    turn = gain * innovation
-    angle[PHASE] += turn
+    angle[PHASE] += gain * innovation
     angle[SPEED] += speed_gain * innovation
     angle[SPEED_VAR] -= speed_gain * angle[COVARIANCE]
     angle[COVARIANCE] *= 1.0 - gain
     angle[PHASE_VAR] *= 1.0 - gain
-    return turn
+    # Innovations of the right size are as large as promised, and each knows nothing of the last. What follows on from
+    # the last is a speed that the filter is too slow for, or, with the other sign, noise that it is too quick for.
+    relative = innovation / math.sqrt(spread)
+    limited = math.copysign(min(abs(relative), math.sqrt(LARGEST_SURPRISE)), relative)
+    angle[NOISE] *= math.exp(ADAPTATION * (limited * limited - 1.0))
+    angle[NOISE] = min(max(angle[NOISE], 1.0), LARGEST_NOISE)
+    angle[DRIFT] *= math.exp(ADAPTATION * limited * angle[INNOVATION])
+    angle[DRIFT] = min(max(angle[DRIFT], angle[LEAST_DRIFT]), angle[MOST_DRIFT])
+    angle[INNOVATION] = limited
 
 
 @njit(**OPTIONS)
-def _learn(state, lowest, turn, memory):
-    """Average the tile's amplitudes, turned with the spindle, and decide what is steady enough to be subtracted."""
-    tiles = state.tiles
-    tiles[0] = min(tiles[0] + 1, memory)
-    rate = 1.0 / tiles[0]
-    window = 2.0 * tiles[0] - 1.0  # tiles of an average that forgets exponentially
-    clear = 0
-    for i in range(lowest - 1, state.real.shape[0]):
-        order = i + 1.0
-        cos, sin = math.cos(order * turn), math.sin(order * turn)
-        real = state.work[0, i] * cos + state.work[1, i] * sin - state.real[i]
-        imag = state.work[1, i] * cos - state.work[0, i] * sin - state.imag[i]
-        distance = real * real + imag * imag
-        state.variance[i] += rate * (distance - state.variance[i])
-        state.real[i] += rate * real
-        state.imag[i] += rate * imag
-        power = window * (state.real[i] * state.real[i] + state.imag[i] * state.imag[i])
-        if power > CLEAR * state.variance[i]:
-            state.gate[i] = 1.0
-            clear += 1
-        elif power > FAINT * state.variance[i]:
-            state.gate[i] = (power / state.variance[i] - FAINT) / (CLEAR - FAINT)
-        else:
-            state.gate[i] = 0.0
-    return clear
+def _fold(state):
+    """Add what is left of the tile, at the corrected angles, to the fold."""
+    tile, fold, signal = state.tile, state.fold, state.tables[SIGNAL]
+    speed = state.angle[SPEED]
+    angle = state.angle[PHASE] - 0.5 * (TILE - 1) * speed
+    for t in range(TILE):
+        sample = tile[SAMPLES, t]
+        if abs(sample) < np.inf:
+            index, x = _place(angle)
+            residual = sample - _between(signal, index, x)
+            fold[index] += (1.0 - x) * residual
+            fold[index + 1 if index + 1 < POINTS else 0] += x * residual
+            state.counts[FOLDED] += 1
+        angle += speed
+    state.angle[TURNED] += TILE * speed
 
 
 @njit(**OPTIONS)
-def follow(residual, state, lowest, memory, drift):
-    """Take in a finished tile and turn to the next.
+def _advance(angle):
+    """Turn to the middle of the next tile; the speed is a random walk."""
+    n, drift = TILE, angle[DRIFT]
+    angle[PHASE] = (angle[PHASE] + angle[SPEED] * n) % TWO_PI
+    angle[PHASE_VAR] += n * (2.0 * angle[COVARIANCE] + n * angle[SPEED_VAR]) + drift * n * n * n / 3.0
+    angle[COVARIANCE] += n * angle[SPEED_VAR] + drift * n * n / 2.0
+    angle[SPEED_VAR] += drift * n
+
+
+@njit(**OPTIONS)
+def subtract(samples, state, out):
+    """Take the synchronous part out of samples and learn from them.
 
     Parameters
     ----------
-    residual : ndarray of float64, shape (tile,)
-        The tile's samples less what `predict` said; zero where samples are missing.
+    samples, out : ndarray of float64, shape (n,)
+        The signal, not finite where samples are missing; what remains of it.
     state : OrderState
         Changed in place.
+    """
+    counts, tile = state.counts, state.tile
+    for t in range(samples.shape[0]):
+        if counts[POSITION] == 0:
+            _predict(state)
+        tile[SAMPLES, counts[POSITION]] = samples[t]
+        out[t] = samples[t] - tile[PREDICTION, counts[POSITION]]
+        counts[POSITION] += 1
+        if counts[POSITION] == TILE:
+            _correct(state)
+            _fold(state)
+            _advance(state.angle)
+            counts[POSITION] = 0
+
+
+@njit(**OPTIONS)
+def learn(coefficients, state, lowest, memory):
+    """Move the amplitudes by what was folded, decide what is steady, and lay down the spectra of the next tables.
+
+    Parameters
+    ----------
+    coefficients : ndarray of complex128, shape (POINTS / 2 + 1,)
+        Discrete Fourier transform of the fold.
+    state : OrderState
+        Changed in place; the fold is emptied. The tables are the caller's to renew.
     lowest : int
         Lowest order that is followed.
-    memory : int
-        Tiles that the averages hold.
-    drift : float
-        Variance per sample of the speed's random walk, (rad per sample)^2.
+    memory : float
+        Samples over which amplitudes are averaged.
 
     Returns
     -------
     int
         Harmonics that are clear.
     """
-    demodulate(residual, state)
-    for i in range(state.real.shape[0]):
-        state.work[0, i] += state.gate[i] * state.real[i]
-        state.work[1, i] += state.gate[i] * state.imag[i]
-    turn = _correct(state, lowest)
-    clear = _learn(state, lowest, turn, memory)
-    _advance(state.angle, residual.shape[0], drift)
+    counts, spectra, angle = state.counts, state.spectra, state.angle
+    folded = counts[FOLDED]
+    counts[LEARNED] += 1
+    rate = min(1.0, max(1.0 / counts[LEARNED], folded / memory))
+    window = 2.0 / rate - 1.0  # folds that an exponential average amounts to
+    clear = 0
+    for i in range(lowest - 1, state.real.shape[0]):
+        order = i + 1
+        part = math.pi * order / POINTS
+        scale = 2.0 / folded * (part / math.sin(part)) ** 2  # sharing between two points blunts high orders
+        real = scale * coefficients[order].real - (1.0 - state.gate[i]) * state.real[i]
+        imag = scale * coefficients[order].imag - (1.0 - state.gate[i]) * state.imag[i]
+        state.variance[i] += rate * (real * real + imag * imag - state.variance[i])
+        state.real[i] += rate * real
+        state.imag[i] += rate * imag
+        signal = window * (state.real[i] * state.real[i] + state.imag[i] * state.imag[i])
+        state.gate[i] = min(max((signal / state.variance[i] - FAINT) / (CLEAR - FAINT), 0.0), 1.0)
+        spectra[SIGNAL, order] = complex(state.real[i], state.imag[i]) * (state.gate[i] * 0.5 * POINTS)
+        spectra[WEIGHTED, order] = 0.0
+        if state.gate[i] == 1.0:
+            clear += 1
+            if clear == 1 or order * order * angle[PHASE_VAR] < LARGEST_PHASE_SD * LARGEST_PHASE_SD:
+                # variance of an amplitude over so many samples, times a quarter of them, is that of one sample
+                spectra[WEIGHTED, order] = spectra[SIGNAL, order] * 4.0 / (state.variance[i] * folded)
+    state.fold[:] = 0.0
+    counts[FOLDED] = 0
+    angle[TURNED] = 0.0
     return clear
 
 
 @njit(**OPTIONS)
-def coast(size, state, drift):
-    """Turn to the next tile without learning from this one."""
-    _advance(state.angle, size, drift)
+def renew(tables, state):
+    """Put tables of shape (2, POINTS) in place of the old ones."""
+    for row in range(2):
+        for i in range(POINTS + 3):
+            state.tables[row, i] = tables[row, (i - 1) % POINTS]
