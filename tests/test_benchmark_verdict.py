@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.verdict.cut import INTERVAL_SAMPLES, Label
 from benchmarks.verdict.cutting import Drive, Mode, vibration
-from benchmarks.verdict.generator import STEP_HZ
+from benchmarks.verdict.families import FAMILIES
+from benchmarks.verdict.generator import STEP_HZ, cut
 from benchmarks.verdict.recipe import Engagement
 from benchmarks.verdict.roots import critical_kappa, rightmost_root
 

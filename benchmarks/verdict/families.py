@@ -181,9 +181,7 @@ def speed_ramp(rng: np.random.Generator) -> Recipe:
 def interrupted(rng: np.random.Generator) -> Recipe:
     """A slot in the workpiece: the tool falls out of the cut and hits it again in every revolution."""
     plain = _plain(rng, teeth=int(rng.integers(1, 3)))
-    rpm = float(
-        np.exp(rng.uniform(np.log(600.0), np.log(min(2400.0, 15.0 * plain.modes[0].frequency_hz / plain.teeth))))
-    )
+    rpm = _log_uniform(rng, 600.0, min(2400.0, 15.0 * plain.modes[0].frequency_hz / plain.teeth))
     engagement = replace(plain.engagement, slot=float(rng.uniform(0.15, 0.5)))
     depth = Path.constant(float(rng.uniform(0.2, 0.55)))
     return replace(plain, rpm=Path.constant(rpm), engagement=engagement, depth=depth)
