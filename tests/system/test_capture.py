@@ -1,0 +1,164 @@
+"""The daemon with a real sound server: what it hears, and what it does when it does not hear."""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import soundfile
+
+from chatter_monitor.outlets.wire import encode
+from chatter_monitor.records import Health
+from tests.replaying import REPLAY_DATA, parse, replay
+from tests.signals import vibration
+from tests.system.components import need
+from tests.system.running import Running, deaf, hears, known, silent, unknown
+from tests.system.sound_server import SoundServer
+
+RATE_HZ = 12_800
+INTERVAL = 640
+
+LOG = logging.getLogger(__name__)  # the times: pytest --log-cli-level=INFO
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+
+
+@pytest.fixture
+def server():
+    """A sound server whose card runs at the tracker's rate."""
+    need(pulseaudio="pulseaudio", pactl="pulseaudio-utils", paplay="pulseaudio-utils")
+    with tempfile.TemporaryDirectory(prefix="cm-") as directory, SoundServer(Path(directory), RATE_HZ) as server:
+        yield server
+
+
+@pytest.fixture
+def monitor(server):
+    """A daemon that hears the server's card, and has begun to."""
+    with (
+        tempfile.TemporaryDirectory(prefix="cm-") as directory,
+        Running(Path(directory), server.environment) as monitor,
+    ):
+        monitor.until(hears)
+        yield monitor
+
+
+def played(directory, samples):
+    """Both channels of a file that the card plays."""
+    path = directory / "played.wav"
+    soundfile.write(path, np.stack([samples, samples], axis=1), RATE_HZ, subtype="FLOAT")
+    return path
+
+
+def test_the_daemon_hears_what_the_replay_reads(server, monitor, tmp_path):
+    """A recording played into the card gives the ODPs and verdicts of its replay, every sample and every interval."""
+    samples, _ = soundfile.read(
+        REPLAY_DATA / "bar_turning.flac", start=round(5.5 * RATE_HZ), stop=round(16.5 * RATE_HZ)
+    )
+    player = server.play(played(tmp_path, samples))
+    event = monitor.until(lambda taken: taken.message.topic == "event").message.body
+    player.wait()
+    last = monitor.until(silent, since_s=time.monotonic())
+    assert monitor.stop() < 2.0
+
+    # What the daemon heard stands in the recorded event, with its place on the daemon's index.
+    about = msgspec.json.decode((monitor.events / event.id / f"{event.id}.json").read_bytes())
+    heard, _ = soundfile.read(monitor.events / event.id / about["recording"])
+    (place,) = np.flatnonzero((np.lib.stride_tricks.sliding_window_view(samples, 64) == heard[:64]).all(axis=1))
+    assert np.array_equal(heard, samples[place : place + len(heard)])
+    begin = about["first_sample"] - place
+    end = begin + len(samples)
+
+    # The same samples at the same place of the index, replayed.
+    silence = np.zeros((last.message.header.sample0 - end) // INTERVAL * INTERVAL)
+    soundfile.write(
+        tmp_path / "heard.wav", np.concatenate([np.zeros(begin), samples, silence]), RATE_HZ, subtype="FLOAT"
+    )
+    outcome = replay(tmp_path / "heard.wav", tmp_path, odp_table=tmp_path / "odp.parquet")
+    table = pq.read_table(tmp_path / "odp.parquet")
+    first = -(-begin // INTERVAL) * INTERVAL  # of the first interval that is all sound
+    frames = {frame.first_sample: frame for frame in monitor.frames()}
+    for sample in range(first, end - INTERVAL, INTERVAL):
+        rows = table.slice(sample, INTERVAL)
+        assert rows["sample"][0].as_py() == sample
+        for mode in (0, 1):
+            for name in ("frequency_hz", "damping_ratio"):
+                replayed = rows[f"{name}_{mode}"].to_numpy()
+                assert np.array_equal(getattr(frames[sample], name)[:, mode], replayed, equal_nan=True), (sample, name)
+    live = {verdict.sample0: parse(encode(verdict).decode()) for verdict in monitor.verdicts()}
+    replayed = {verdict["sample0"]: verdict for verdict in outcome.of("verdict")}
+    compared = [(live[s], replayed[s]) for s in range(first, end - INTERVAL, INTERVAL)]
+    assert [one for one, _ in compared] == [other for _, other in compared]
+    assert {"stable", "approaching", "self_excited"} <= {one["state"] for one, _ in compared}
+    (replayed_event,) = outcome.of("event")
+    assert (event.onset_s, event.end_s) == (replayed_event["onset_s"], replayed_event["end_s"])
+
+
+@pytest.mark.parametrize("how", ["frozen", "killed"])
+def test_losing_the_sound_server(server, monitor, tmp_path, how):
+    """Frozen for 5 s or killed: noticed within 1 s, unknown with the reason, heard again within 2 s, loss counted."""
+    noise = played(tmp_path, 0.1 * vibration(60 * RATE_HZ, [(400, 0.03)]))
+    server.play(noise)
+    began = monitor.until(known)
+    time.sleep(2.0)  # of undisturbed operation
+
+    lost_s = time.monotonic()
+    server.freeze() if how == "frozen" else server.kill()
+    noticed = monitor.until(deaf, since_s=lost_s)
+    first_unknown = monitor.until(unknown, since_s=lost_s)
+    time.sleep(lost_s + 5.0 - time.monotonic())
+    if how == "frozen":
+        server.thaw()
+    else:
+        server.start()
+        server.play(noise)
+    back_s = time.monotonic()
+    again = monitor.until(hears, since_s=back_s)
+    claims = monitor.until(known, since_s=back_s)
+    one_more = monitor.until(hears, since_s=claims.at_s)
+
+    for name, taken, since_s in (
+        ("noticed", noticed, lost_s),
+        ("unknown", first_unknown, lost_s),
+        ("hears again", again, back_s),
+        ("claims again", claims, back_s),
+    ):
+        LOG.info("%s: %s after %.2f s", how, name, taken.at_s - since_s)
+    assert noticed.at_s - lost_s < 1.0
+    assert first_unknown.at_s - lost_s < 1.0
+    assert again.at_s - back_s < 2.0
+    assert claims.at_s - back_s < 2.0
+
+    # Verdicts and health went on coming all the while, and said why.
+    deaf_healths = [t for t in monitor.taken if isinstance(t.message.body, Health) and noticed.at_s <= t.at_s < back_s]
+    assert len(deaf_healths) >= 4
+    expected = "frozen" if how == "frozen" else "no sound device"
+    assert all(t.message.body.state == "not_hearing" for t in deaf_healths)
+    assert any(expected in reason for reason in deaf_healths[-1].message.body.reasons)
+    verdicts = monitor.verdicts()
+    assert all(one.sample1 == other.sample0 for one, other in pairwise(verdicts))
+    quiet = [v for v in verdicts if noticed.message.body.t <= v.t0 and v.t1 <= deaf_healths[-1].message.body.t]
+    assert len(quiet) >= 60
+    assert {v.state for v in quiet} == {"unknown"}
+
+    # Without a restart, and nothing missing in the account.
+    assert {t.message.header.session for t in monitor.taken} == {began.message.header.session}
+    before, after = deaf_healths[0].message.body, one_more.message.body
+    lost = after.lost - before.lost
+    away_s = again.at_s - lost_s
+    assert abs(lost / RATE_HZ - (away_s - before_lost_s(before, monitor))) < 0.5
+    assert monitor.stop() < 2.0
+
+
+def before_lost_s(health, monitor):
+    """Seconds of the loss at hand that a health message has counted already."""
+    earlier = [
+        t.message.body for t in monitor.taken if isinstance(t.message.body, Health) and t.message.body.t < health.t
+    ]
+    return (health.lost - earlier[-1].lost) / RATE_HZ
