@@ -45,7 +45,7 @@ POSITION, FOLDED, LEARNED = range(3)
 # Rows of `OrderState.tables`: the signal; the same with each harmonic over the variance of the noise around it.
 SIGNAL, WEIGHTED = range(2)
 
-# Rows of `OrderState.tile`: samples; their prediction; slope of the weighted table there; that times the signal's slope.
+# Rows of `OrderState.tile`: samples; their prediction; slope of the weighted table; that times the slope of the signal.
 SAMPLES, PREDICTION, SLOPE, INFORMATION = range(4)
 
 
