@@ -16,8 +16,7 @@ from numba import njit
 from chatter_monitor.kernels.options import OPTIONS
 
 TILE = 64  # samples
-POINTS = 1024  # of the table; four on the shortest period that can be among the harmonics
-MOST_ORDERS = POINTS // 4
+MOST_ORDERS = 256
 
 # Power of a harmonic's average over the variance of that average: exponentially distributed with mean 1 where there is
 # only noise. Below FAINT nothing is subtracted, above CLEAR all of it, and the harmonic helps to follow the angle.
@@ -36,8 +35,11 @@ TWO_PI = 2.0 * math.pi
 
 # Indices of `OrderState.angle`: at the middle of the tile (rad, rad per sample) with covariance; variance per sample of
 # the speed's random walk with its limits; noise of the measured angle over what the harmonics' scatter promises; the
-# last innovation over its standard deviation; radians turned since the amplitudes moved.
-PHASE, SPEED, PHASE_VAR, COVARIANCE, SPEED_VAR, DRIFT, LEAST_DRIFT, MOST_DRIFT, NOISE, INNOVATION, TURNED = range(11)
+# last innovation over its standard deviation; radians turned since the amplitudes moved; offset of the residual.
+(
+    PHASE, SPEED, PHASE_VAR, COVARIANCE, SPEED_VAR,
+    DRIFT, LEAST_DRIFT, MOST_DRIFT, NOISE, INNOVATION, TURNED, OFFSET,
+) = range(12)  # fmt: skip
 
 # Indices of `OrderState.counts`: samples of the tile that have come; samples folded; times that amplitudes have moved.
 POSITION, FOLDED, LEARNED = range(3)
@@ -45,12 +47,15 @@ POSITION, FOLDED, LEARNED = range(3)
 # Rows of `OrderState.tables`: the signal; the same with each harmonic over the variance of the noise around it.
 SIGNAL, WEIGHTED = range(2)
 
-# Rows of `OrderState.tile`: samples; their prediction; slope of the weighted table; that times the slope of the signal.
+# Rows of `OrderState.tile`: samples, less the offset; their prediction; slope of the weighted table; that times the
+# slope of the signal.
 SAMPLES, PREDICTION, SLOPE, INFORMATION = range(4)
 
 
 class OrderState(NamedTuple):
     """The harmonic series; entry h - 1 of each column of ``shape (orders,)`` is order h.
+
+    A revolution has a power of two of points, at least four on the shortest period.
 
     Attributes
     ----------
@@ -60,15 +65,15 @@ class OrderState(NamedTuple):
         Mean squared distance of the amplitude in one fold from the average.
     gate : ndarray of float64, shape (orders,)
         Share of the amplitude that is subtracted, 0 to 1.
-    tables : ndarray of float64, shape (2, POINTS + 3)
+    tables : ndarray of float64, shape (2, points + 3)
         Over one revolution, from one point before angle zero to two points after the end.
-    fold : ndarray of float64, shape (POINTS,)
+    fold : ndarray of float64, shape (points,)
         Sums of the residual over the angle.
-    spectra : ndarray of complex128, shape (2, POINTS / 2 + 1)
+    spectra : ndarray of complex128, shape (2, points / 2 + 1)
         From which the tables are to be made.
     tile : ndarray of float64, shape (4, TILE)
         The current tile.
-    angle : ndarray of float64, shape (11,)
+    angle : ndarray of float64, shape (12,)
         The Kalman filter.
     counts : ndarray of int64, shape (3,)
     """
@@ -97,39 +102,31 @@ def new_state(orders: int, speed: float, speed_sd: float, drift: tuple[float, fl
     drift : (float, float)
         Least and largest variance per sample of the speed's random walk, (rad per sample)^2.
     """
+    points = 4 << (orders - 1).bit_length()
     real, imag, variance, gate = np.zeros((4, orders))
-    angle = np.zeros(11)
+    angle = np.zeros(12)
     angle[[SPEED, SPEED_VAR, LEAST_DRIFT, MOST_DRIFT, NOISE]] = speed, speed_sd**2, *drift, 1.0
     angle[DRIFT] = math.sqrt(drift[0] * drift[1])
     return OrderState(
         real, imag, variance, gate,
-        np.zeros((2, POINTS + 3)), np.zeros(POINTS), np.zeros((2, POINTS // 2 + 1), dtype=np.complex128),
+        np.zeros((2, points + 3)), np.zeros(points), np.zeros((2, points // 2 + 1), dtype=np.complex128),
         np.zeros((4, TILE)), angle, np.zeros(3, dtype=np.int64),
     )  # fmt: skip
 
 
 @njit(**OPTIONS)
-def _place(angle):
-    """Index of the table's point before an angle, and the fraction of the way to the next."""
-    turn = angle / TWO_PI
-    place = (turn - math.floor(turn)) * POINTS
-    index = min(int(place), POINTS - 1)
-    return index, place - index
-
-
-@njit(**OPTIONS)
 def _between(table, index, x):
-    """Cubic through the four points around (Lagrange)."""
+    """Cubic through the four points around (Lagrange), a fraction x of the way from one to the next."""
     a, b, c, d = table[index], table[index + 1], table[index + 2], table[index + 3]
     return b + x * (c - a / 3.0 - b / 2.0 - d / 6.0 + x * ((a + c) / 2.0 - b + x * ((b - c) / 2.0 + (d - a) / 6.0)))
 
 
 @njit(**OPTIONS)
-def _slope(table, index, x):
-    """Slope of that cubic per radian."""
-    a, b, c, d = table[index], table[index + 1], table[index + 2], table[index + 3]
-    per_point = c - a / 3.0 - b / 2.0 - d / 6.0 + x * (a + c - 2.0 * b + x * ((b - c) * 1.5 + (d - a) * 0.5))
-    return per_point * (POINTS / TWO_PI)
+def _start(angle, points):
+    """Place in the table, 0 to points, at the tile's first sample, and places per sample."""
+    step = angle[SPEED] * points / TWO_PI
+    place = (angle[PHASE] * points / TWO_PI - 0.5 * (TILE - 1) * step) % points
+    return place if place < points else 0.0, step
 
 
 @njit(**OPTIONS)
@@ -137,14 +134,18 @@ def _predict(state):
     """Look ahead over the tile that begins."""
     tile = state.tile
     signal, weighted = state.tables[SIGNAL], state.tables[WEIGHTED]
-    speed = state.angle[SPEED]
-    angle = state.angle[PHASE] - 0.5 * (TILE - 1) * speed
+    points = state.fold.shape[0]
+    per_radian = points / TWO_PI
+    place, step = _start(state.angle, points)
     for t in range(TILE):
-        index, x = _place(angle)
-        tile[PREDICTION, t] = _between(signal, index, x)
-        tile[SLOPE, t] = _slope(weighted, index, x)
-        tile[INFORMATION, t] = tile[SLOPE, t] * _slope(signal, index, x)
-        angle += speed
+        index = int(place)
+        tile[PREDICTION, t] = _between(signal, index, place - index)
+        slope = (weighted[index + 2] - weighted[index + 1]) * per_radian
+        tile[SLOPE, t] = slope
+        tile[INFORMATION, t] = slope * (signal[index + 2] - signal[index + 1]) * per_radian
+        place += step
+        if place >= points:
+            place -= points
 
 
 @njit(**OPTIONS)
@@ -184,18 +185,21 @@ def _correct(state):
 def _fold(state):
     """Add what is left of the tile, at the corrected angles, to the fold."""
     tile, fold, signal = state.tile, state.fold, state.tables[SIGNAL]
-    speed = state.angle[SPEED]
-    angle = state.angle[PHASE] - 0.5 * (TILE - 1) * speed
+    points = fold.shape[0]
+    place, step = _start(state.angle, points)
     for t in range(TILE):
         sample = tile[SAMPLES, t]
         if abs(sample) < np.inf:
-            index, x = _place(angle)
+            index = int(place)
+            x = place - index
             residual = sample - _between(signal, index, x)
             fold[index] += (1.0 - x) * residual
-            fold[index + 1 if index + 1 < POINTS else 0] += x * residual
+            fold[(index + 1) % points] += x * residual
             state.counts[FOLDED] += 1
-        angle += speed
-    state.angle[TURNED] += TILE * speed
+        place += step
+        if place >= points:
+            place -= points
+    state.angle[TURNED] += TILE * state.angle[SPEED]
 
 
 @njit(**OPTIONS)
@@ -209,7 +213,7 @@ def _advance(angle):
 
 
 @njit(**OPTIONS)
-def subtract(samples, state, out):
+def subtract(samples, state, corner, out):
     """Take the synchronous part out of samples and learn from them.
 
     Parameters
@@ -218,13 +222,17 @@ def subtract(samples, state, out):
         The signal, not finite where samples are missing; what remains of it.
     state : OrderState
         Changed in place.
+    corner : float
+        What changes slower than this, in radians per sample, is offset: nothing is learned from it.
     """
-    counts, tile = state.counts, state.tile
+    counts, tile, angle = state.counts, state.tile, state.angle
     for t in range(samples.shape[0]):
         if counts[POSITION] == 0:
             _predict(state)
-        tile[SAMPLES, counts[POSITION]] = samples[t]
         out[t] = samples[t] - tile[PREDICTION, counts[POSITION]]
+        if abs(out[t]) < np.inf:
+            angle[OFFSET] += corner * (out[t] - angle[OFFSET])
+        tile[SAMPLES, counts[POSITION]] = samples[t] - angle[OFFSET]
         counts[POSITION] += 1
         if counts[POSITION] == TILE:
             _correct(state)
@@ -239,38 +247,49 @@ def learn(coefficients, state, lowest, memory):
 
     Parameters
     ----------
-    coefficients : ndarray of complex128, shape (POINTS / 2 + 1,)
-        Discrete Fourier transform of the fold.
+    coefficients : ndarray of complex128, shape (points / 2 + 1,)
+        Discrete Fourier transform of the fold; overwritten.
     state : OrderState
         Changed in place; the fold is emptied. The tables are the caller's to renew.
     lowest : int
         Lowest order that is followed.
     memory : float
         Samples over which amplitudes are averaged.
-
-    Returns
-    -------
-    int
-        Harmonics that are clear.
     """
     counts, spectra, angle = state.counts, state.spectra, state.angle
-    folded = counts[FOLDED]
+    folded, points = counts[FOLDED], state.fold.shape[0]
     counts[LEARNED] += 1
     rate = min(1.0, max(1.0 / counts[LEARNED], folded / memory))
     window = 2.0 / rate - 1.0  # folds that an exponential average amounts to
+    turn = 0.0
+    weight = 0.0
+    for i in range(lowest - 1, state.real.shape[0]):
+        order = i + 1
+        part = math.pi * order / points
+        scale = 2.0 / folded * (part / math.sin(part)) ** 2  # sharing between two points blunts high orders
+        # from the average to the amplitude in this fold
+        coefficients[order] = scale * coefficients[order] - (1.0 - state.gate[i]) * complex(
+            state.real[i], state.imag[i]
+        )
+        if state.gate[i] == 1.0:
+            torque = coefficients[order].imag * state.real[i] - coefficients[order].real * state.imag[i]
+            power = state.real[i] * state.real[i] + state.imag[i] * state.imag[i]
+            turn += order * torque / state.variance[i]
+            weight += order * order * power / state.variance[i]
+    if weight > 0.0:
+        turn /= weight
     clear = 0
     for i in range(lowest - 1, state.real.shape[0]):
         order = i + 1
-        part = math.pi * order / POINTS
-        scale = 2.0 / folded * (part / math.sin(part)) ** 2  # sharing between two points blunts high orders
-        real = scale * coefficients[order].real - (1.0 - state.gate[i]) * state.real[i]
-        imag = scale * coefficients[order].imag - (1.0 - state.gate[i]) * state.imag[i]
+        # What all harmonics turn by together is the angle's business; let them turn, and the angle would never learn.
+        real = coefficients[order].real + order * turn * state.imag[i]
+        imag = coefficients[order].imag - order * turn * state.real[i]
         state.variance[i] += rate * (real * real + imag * imag - state.variance[i])
         state.real[i] += rate * real
         state.imag[i] += rate * imag
         signal = window * (state.real[i] * state.real[i] + state.imag[i] * state.imag[i])
         state.gate[i] = min(max((signal / state.variance[i] - FAINT) / (CLEAR - FAINT), 0.0), 1.0)
-        spectra[SIGNAL, order] = complex(state.real[i], state.imag[i]) * (state.gate[i] * 0.5 * POINTS)
+        spectra[SIGNAL, order] = complex(state.real[i], state.imag[i]) * (state.gate[i] * 0.5 * points)
         spectra[WEIGHTED, order] = 0.0
         if state.gate[i] == 1.0:
             clear += 1
@@ -280,12 +299,12 @@ def learn(coefficients, state, lowest, memory):
     state.fold[:] = 0.0
     counts[FOLDED] = 0
     angle[TURNED] = 0.0
-    return clear
 
 
 @njit(**OPTIONS)
 def renew(tables, state):
-    """Put tables of shape (2, POINTS) in place of the old ones."""
+    """Put tables of shape (2, points) in place of the old ones."""
+    points = tables.shape[1]
     for row in range(2):
-        for i in range(POINTS + 3):
-            state.tables[row, i] = tables[row, (i - 1) % POINTS]
+        for i in range(points + 3):
+            state.tables[row, i] = tables[row, (i - 1) % points]

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
+from chatter_monitor.kernels.comb import surprise
+
 # Power of a line over the noise around it; noise alone, exponentially distributed, reaches it in one of 3 million bins.
 LINE_TO_NOISE = 15.0
 FLOOR_BINS = 64
@@ -28,96 +30,123 @@ ENOUGH = math.log(1000.0)
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """Lines of a spectrum, strongest first: frequencies and their tolerances (Hz), powers (mean square)."""
+    """Lines of a spectrum, strongest first: frequencies and their tolerances (Hz)."""
 
     frequency_hz: NDArray[np.float64]
     tolerance_hz: NDArray[np.float64]
-    power: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """What comb to look for.
+
+    Attributes
+    ----------
+    low_hz, high_hz : float
+        Range of its fundamental.
+    teeth : int, optional
+        Of the spindle whose speed the range is about.
+    """
+
+    low_hz: float
+    high_hz: float
+    teeth: int | None = None
+
+    def admits(self, fundamental_hz: float) -> bool:
+        """Whether a fundamental is in the range."""
+        return self.low_hz <= fundamental_hz <= self.high_hz
+
+    def stands(self, orders: NDArray[np.int64], fundamental_hz: float) -> bool:
+        """Whether these orders, ascending, make a comb of this fundamental, even without any one of them.
+
+        Lines that are all multiples of one order are a comb of that order's frequency. It has to be in the range, or
+        the order has to divide the teeth of the known spindle: a self-excited vibration has overtones, too.
+        """
+        if len(orders) < 3:
+            return False
+        up, down = np.gcd.accumulate(orders), np.gcd.accumulate(orders[::-1])[::-1]
+        common = np.concatenate([down[1:2], np.gcd(up[:-2], down[2:]), up[-2:-1]])
+        if self.teeth is None:
+            return bool((common * fundamental_hz <= self.high_hz).all())
+        return bool((self.teeth % common == 0).all())
 
 
 @dataclass(frozen=True, slots=True)
 class Comb:
-    """Fundamental (Hz) with its standard deviation, log odds against chance, and the lines' power on its multiples."""
+    """Fundamental (Hz) with its standard deviation, and log odds against chance."""
 
     fundamental_hz: float
     fundamental_sd_hz: float
     evidence: float
-    power: float
 
 
-def find_lines(samples: NDArray[np.float64], sample_rate_hz: float, lowest_hz: float) -> Lines:
-    """The strongest lines that stand out of the noise around them, shape (n,) samples."""
-    n = len(samples)
-    window = np.hanning(n)
-    size = 1 << (n - 1).bit_length()
-    power = np.abs(np.fft.rfft(samples * window, size)) ** 2
-    bin_hz = sample_rate_hz / size
-    floor = _floor(power)
-    inner = power[1:-1]
-    peaks = np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]) & (inner > LINE_TO_NOISE * floor[1:-1])) + 1
-    peaks = peaks[peaks * bin_hz >= lowest_hz]
-    strongest = peaks[np.argsort(-power[peaks], kind="stable")][: 4 * STRONGEST]
-    left, middle, right = (np.log(power[strongest + shift]) for shift in (-1, 0, 1))
-    frequency = (strongest + 0.5 * (left - right) / (left - 2.0 * middle + right)) * bin_hz
-    tolerance = EXACT_BINS * sample_rate_hz / n + EXACT_SHARE * frequency
-    kept: list[int] = []
-    for i in range(len(frequency)):
-        # a line whose frequency moves has several crests
-        if all(abs(frequency[i] - frequency[j]) > 3.0 * tolerance[i] for j in kept):
-            kept.append(i)
-    kept = kept[:STRONGEST]
-    return Lines(frequency[kept], tolerance[kept], power[strongest[kept]] * 2.0 / np.sum(window) ** 2)
-
-
-def _floor(power: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Noise level at every bin: medians of stretches, of an exponential distribution, and straight lines between."""
-    stretches = len(power) // FLOOR_BINS
-    medians = np.median(power[: stretches * FLOOR_BINS].reshape(stretches, FLOOR_BINS), axis=1) / math.log(2.0)
-    return np.interp(np.arange(len(power)), (np.arange(stretches) + 0.5) * FLOOR_BINS, medians)
-
-
-def find_comb(lines: Lines, low_hz: float, high_hz: float, teeth: int | None = None) -> Comb | None:
-    """The comb with a fundamental in a range for which there is most evidence, None where there is not enough.
+class Spectrum:
+    """Lines of stretches of a signal.
 
     Parameters
     ----------
-    lines : Lines
-        Of one spectrum.
-    low_hz, high_hz : float
-        Range of the fundamental.
-    teeth : int, optional
-        When the range is that of a known spindle: lines that are all multiples of one order are then taken for a comb
-        only if that order divides the teeth. Otherwise only if their own fundamental is in the range.
+    samples : int
+        Of each stretch.
+    sample_rate_hz : float
+        Rate of the samples.
+    lowest_hz : float
+        Lines below are let alone.
     """
+
+    def __init__(self, samples: int, sample_rate_hz: float, lowest_hz: float) -> None:
+        self._window = np.hanning(samples)
+        self._size = 1 << (samples - 1).bit_length()
+        self._bin_hz = sample_rate_hz / self._size
+        self._lowest_hz = lowest_hz
+        self._exact_hz = EXACT_BINS * sample_rate_hz / samples
+
+    def lines(self, samples: NDArray[np.float64]) -> Lines:
+        """The strongest lines that stand out of the noise around them."""
+        spectrum = np.fft.rfft(samples * self._window, self._size)[:-1]
+        power = spectrum.real**2 + spectrum.imag**2
+        inner, threshold = power[1:-1], LINE_TO_NOISE * _floor(power)[1:-1]
+        peaks = np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]) & (inner > threshold)) + 1
+        peaks = peaks[peaks * self._bin_hz >= self._lowest_hz]
+        strongest = peaks[np.argsort(-power[peaks], kind="stable")][: 4 * STRONGEST]
+        left, middle, right = (np.log(power[strongest + shift]) for shift in (-1, 0, 1))
+        frequency = (strongest + 0.5 * (left - right) / (left - 2.0 * middle + right)) * self._bin_hz
+        tolerance = self._exact_hz + EXACT_SHARE * frequency
+        kept: list[int] = []
+        for i in range(len(frequency)):
+            # a line whose frequency moves has several crests
+            if all(abs(frequency[i] - frequency[j]) > 3.0 * tolerance[i] for j in kept):
+                kept.append(i)
+        kept = kept[:STRONGEST]
+        return Lines(frequency[kept], tolerance[kept])
+
+
+def _floor(power: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Noise level at every bin: from the median of its stretch, of an exponential distribution."""
+    every_second = power.reshape(-1, FLOOR_BINS)[:, ::2]  # neighbours know little that is new
+    return np.repeat(np.median(every_second, axis=1) / math.log(2.0), FLOOR_BINS)
+
+
+def find_comb(lines: Lines, target: Target) -> Comb | None:
+    """The comb for which there is most evidence, None where there is not enough."""
     frequency = lines.frequency_hz
     if len(frequency) < 3:
         return None
-    candidates = np.concatenate(
-        [f / np.arange(max(1, math.ceil(f / high_hz)), math.floor(f / low_hz) + 1) for f in frequency]
-    )
-    if not len(candidates):
+    room = int(np.sum(frequency / target.low_hz)) + 1
+    candidates, gains, hits = np.empty(room), np.empty(room), np.empty(room, dtype=np.int64)
+    made = surprise(frequency, lines.tolerance_hz, target.low_hz, target.high_hz, candidates, gains, hits)
+    if made == 0:
         return None
-    gains, on = _gains(lines, candidates)
-    rival = _best_offset_comb(lines)
-    for i in np.argsort(-gains, kind="stable"):
-        if gains[i] < max(ENOUGH, rival):
-            return None
-        orders = np.round(frequency[on[i]] / candidates[i]).astype(int)
-        if _stands(orders, candidates[i], high_hz, teeth):
-            return _fit(lines, on[i], candidates[i], float(gains[i]))
+    gains = gains[:made] - _choices(len(frequency) - 1, hits[:made] - 1) - math.log(made)
+    promising = np.flatnonzero(gains > ENOUGH)
+    if not len(promising):
+        return None
+    enough = _best_offset_comb(lines)
+    for i in promising[np.argsort(-gains[promising], kind="stable")]:
+        order = np.round(frequency / candidates[i]).astype(np.int64)
+        on = (np.abs(frequency - order * candidates[i]) <= lines.tolerance_hz) & (order >= 1)
+        if gains[i] > enough and target.stands(np.unique(order[on]), candidates[i]):
+            return _fit(lines, on, candidates[i], float(gains[i]))
     return None
-
-
-def _gains(lines: Lines, candidates: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Log odds against chance of each candidate, and which lines are on its multiples."""
-    order = np.round(lines.frequency_hz / candidates[:, np.newaxis])
-    off = np.abs(lines.frequency_hz - order * candidates[:, np.newaxis])
-    on = (off <= lines.tolerance_hz) & (order >= 1)
-    chance = np.minimum(1.0, 2.0 * lines.tolerance_hz / candidates[:, np.newaxis])
-    surprise = np.where(on, -np.log(chance), 0.0)
-    # the line that the candidate was made from is on it for certain
-    gains = surprise.sum(axis=1) - surprise.max(axis=1)
-    return gains - _choices(len(lines.frequency_hz) - 1, on.sum(axis=1) - 1) - math.log(len(candidates)), on
 
 
 def _best_offset_comb(lines: Lines) -> float:
@@ -152,22 +181,10 @@ def _choices(n: int, k: NDArray[np.int64]) -> NDArray[np.float64]:
     return result
 
 
-def _stands(orders: NDArray[np.int64], fundamental_hz: float, high_hz: float, teeth: int | None) -> bool:
-    """Whether the orders make a comb of this fundamental even without any one of them."""
-    orders = np.unique(orders)
-    if len(orders) < 3:
-        return False
-    for left_out in range(len(orders)):
-        common = int(np.gcd.reduce(np.delete(orders, left_out)))
-        if common > 1 and (common * fundamental_hz > high_hz if teeth is None else teeth % common):
-            return False
-    return True
-
-
 def _fit(lines: Lines, on: NDArray[np.bool_], fundamental_hz: float, evidence: float) -> Comb:
     """Least squares over the comb's lines."""
     frequency, weight = lines.frequency_hz[on], lines.tolerance_hz[on] ** -2.0
     order = np.round(frequency / fundamental_hz)
     information = float(np.sum(weight * order * order))
     fundamental = float(np.sum(weight * order * frequency)) / information
-    return Comb(fundamental, information**-0.5, evidence, float(lines.power[on].sum()))
+    return Comb(fundamental, information**-0.5, evidence)

@@ -41,8 +41,7 @@ class Harmonics:
         drift = [(share * speed) ** 2 / sample_rate_hz for share in (LEAST_WANDER, MOST_WANDER)]
         orders = min(kernel.MOST_ORDERS, math.floor(HIGHEST * sample_rate_hz / rotation_hz))
         self._state = kernel.new_state(orders, speed, self._speed(rotation_sd_hz), (drift[0], drift[1]))
-        self.clear = 0
-        """Harmonics that stand out beyond doubt."""
+        self._corner = self._speed(lowest_hz / 2.0)  # its phase at the lowest harmonic does not matter yet
 
     def _speed(self, rotation_hz: float) -> float:
         return 2.0 * math.pi * rotation_hz / self._rate_hz
@@ -59,19 +58,24 @@ class Harmonics:
 
     def subtract(self, samples: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Write to ``out`` what remains of samples, shape (n,) both; missing samples are not finite."""
-        kernel.subtract(samples, self._state, out)
+        kernel.subtract(samples, self._state, self._corner, out)
 
     def learn(self) -> None:
         """Move the amplitudes, if the spindle has turned at least once since they moved last."""
         state = self._state
         if state.angle[kernel.TURNED] < 2.0 * math.pi or not state.counts[kernel.FOLDED]:
             return
-        self.clear = kernel.learn(np.fft.rfft(state.fold), state, self._lowest, self._memory)
+        kernel.learn(np.fft.rfft(state.fold), state, self._lowest, self._memory)
         kernel.renew(np.fft.irfft(state.spectra, axis=1), state)
+
+    def clear(self) -> NDArray[np.int64]:
+        """Orders that are steady beyond doubt."""
+        return np.flatnonzero(self._state.gate == 1.0) + 1
 
     def strongest(self, count: int) -> list[tuple[int, float]]:
         """Order and root mean square of what is subtracted, strongest first."""
         state = self._state
-        rms = state.gate * np.hypot(state.real, state.imag) / math.sqrt(2.0)
-        rows = np.argsort(-rms, kind="stable")[:count]
-        return [(row + 1, level) for row, level in zip(rows.tolist(), rms[rows].tolist(), strict=True) if level > 0.0]
+        rows = np.flatnonzero(state.gate)
+        rms = state.gate[rows] * np.hypot(state.real[rows], state.imag[rows]) / math.sqrt(2.0)
+        strongest = np.argsort(-rms, kind="stable")[:count]
+        return list(zip((rows[strongest] + 1).tolist(), rms[strongest].tolist(), strict=True))
