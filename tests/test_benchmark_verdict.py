@@ -25,12 +25,12 @@ def free_growth(modes, tau_s, engagement, kappa, seconds):
     # the steady force is held, so that the cut rests until it is kicked; a kick so small that it stays in the cut
     held = -stiffness
     held[1000] += 1e3
-    drive = Drive(stiffness, np.ones(n), np.zeros(n), np.full(n, tau_s * STEP_HZ), held)
-    x, apart = vibration(modes, drive, STEP_HZ, "displacement")
-    assert not apart.any()
+    drive = Drive(stiffness, np.ones(n), np.zeros(n), np.full(n, tau_s * STEP_HZ), held, np.full(n, np.inf))
+    motion = vibration(modes, drive, STEP_HZ, "displacement")
+    assert not motion.limited.any()
     # one period of the coefficients apart, the motion repeats itself but for a factor: least squares over many
     lag = round(tau_s * STEP_HZ)
-    tail = x[n // 2 :]
+    tail = motion.seen[n // 2 :]
     grown = np.linalg.lstsq(np.stack([tail[lag:-lag], tail[: -2 * lag]], axis=1), tail[2 * lag :], rcond=None)[0]
     factors = np.roots([1.0, -grown[0], -grown[1]])
     return np.log(np.abs(factors).max()) / (lag / STEP_HZ)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.verdict.cut import Cut, Truth
+from benchmarks.verdict.cut import Cut, Stretch, Truth
 from benchmarks.verdict.generator import Split, cut
 
 
@@ -36,6 +36,8 @@ def _save(made: Cut, file: Path) -> None:
             value = getattr(part, field.name)
             if isinstance(value, np.ndarray):
                 arrays[prefix + field.name] = value
+            elif field.name == "unstable":
+                plain[prefix + field.name] = [asdict(stretch) for stretch in value]
             elif not isinstance(value, Truth):
                 plain[prefix + field.name] = value
     arrays["cut.samples"] = made.samples.astype(np.float32)  # they are float32 values
@@ -52,6 +54,6 @@ def _load(file: Path) -> Cut:
         for prefix in ("cut.", "truth.")
     }
     truth = parts["truth."]
-    truth["crossings_s"], truth["doubled_s"] = tuple(truth["crossings_s"]), tuple(truth["doubled_s"])
+    truth["unstable"] = tuple(Stretch(**stretch) for stretch in truth["unstable"])
     parts["cut."]["samples"] = parts["cut."]["samples"].astype(np.float64)
     return Cut(truth=Truth(**truth), **parts["cut."])

@@ -26,14 +26,33 @@ class Label(enum.IntEnum):
     UNSCORED = 3  # physics or definition leave it open; `Truth` says when
 
 
+@dataclass(frozen=True)
+class Stretch:
+    """An unstable part of a cut.
+
+    Attributes
+    ----------
+    zero_s : float
+        When the true damping fell below zero.
+    crossing_s : float or None
+        When it fell below -0.0015; None where it never did and the vibration became large all the same.
+    doubled_s : float or None
+        When the vibration had grown to twice the rms of the half second before `zero_s`; None for never.
+    """
+
+    zero_s: float
+    crossing_s: float | None
+    doubled_s: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Truth:
     """What is true of each interval; arrays of shape (intervals,).
 
     ``SELF_EXCITED`` begins 150 ms after the true damping has fallen below -0.0015 and lasts while it stays there. It is
     also where the damping is negative at all and the vibration has become so large that it throws the tool out of the
-    cut: at long delays (low speed, high mode) the rightmost damping is small however deep the cut, because what grows
-    grows by a factor a pass.
+    cut or makes its flank rub: at long delays (low speed, high mode) the rightmost damping is small however deep the
+    cut, because what grows grows by a factor a pass.
     ``UNSCORED`` are: the first 0.3 s of the recording, other intervals with a true damping between -0.0015 and 0, those
     150 ms, and what follows an unstable stretch until the vibration has died down.
 
@@ -47,14 +66,12 @@ class Truth:
         Process stiffness over that of the first mode, and its value at the limit of stability at the present speed.
     synchronous_share : ndarray
         Share of the power that the same cut has without anything random in it.
-    out_of_cut : ndarray
-        Part of the time in which the tool cuts nothing.
+    limited : ndarray
+        Part of the time in which the tool is out of the cut or its flank rubs.
     vibration_rms : ndarray
         Of the vibration alone, in the units of the samples, without room noise, tones and clipping.
-    crossings_s : tuple of float
-        When the true damping fell below -0.0015.
-    doubled_s : tuple of float or None, one per crossing
-        When the vibration had grown to twice its rms of the 0.5 s before the crossing, for good; None for never.
+    unstable : tuple of Stretch
+        Unstable stretches in which the vibration had time to become self-excited.
     """
 
     label: NDArray[np.int8]
@@ -63,10 +80,9 @@ class Truth:
     kappa: Floats
     kappa_critical: Floats
     synchronous_share: Floats
-    out_of_cut: Floats
+    limited: Floats
     vibration_rms: Floats
-    crossings_s: tuple[float, ...]
-    doubled_s: tuple[float | None, ...]
+    unstable: tuple[Stretch, ...]
 
     def __len__(self) -> int:
         return int(self.label.size)
@@ -96,7 +112,7 @@ class Cut:
     speed_times_s, speed_rpm : ndarray, shape (m,)
         The true speed.
     snr_db : float
-        Power of the vibration (its median over stable intervals of cutting) over that of the room noise.
+        Power of the vibration, averaged over what is cut, over that of the room noise.
     sensor : Sensor
         What it measures.
     truth : Truth

@@ -8,11 +8,14 @@ it leaves, both as deviations from the nominal feed h0 a pass,
 
     h(t) = max(0, h0 - x(t) + r(t) + s(t - tau))          chip thickness
     s(t) = min(s(t - tau) + h0, x(t) - r(t))              a pass that misses leaves the older surface standing
-    F(t) = kappa(t) w1^2 alpha(t) (1 + nu(t)) h(t) + d(t) force per unit mass of the first mode
+    F(t) = K(t) [h(t) + b/w1 max(0, -x'(t) - vs(t))] + d(t)
+                                                          force per unit mass of the first mode
+    K(t) = kappa(t) w1^2 alpha(t) (1 + nu(t))             process stiffness: teeth enter and leave, chips vary
     q_i'' + 2 zeta_i w_i q_i' + w_i^2 q_i = g_i F,   x = sum q_i
 
-which is multiple regeneration with loss of contact (Tlusty and Ismail 1981; Tobias 1965); linear about the nominal cut
-it is x'' + 2 zeta w x' + w^2 x + kappa alpha w^2 (x - x(t - tau)) = ....
+which is multiple regeneration with loss of contact (Tlusty and Ismail 1981) and a flank that rubs where the vibration
+is steeper than the clearance angle, x' < -vs (Eynian and Altintas 2009): it limits chatter well before the tool leaves
+the cut. Linear about the nominal cut it is x'' + 2 zeta w x' + w^2 x + kappa alpha w^2 (x - x(t - tau)) = ....
 """
 
 from __future__ import annotations
@@ -27,6 +30,9 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 Sensor = Literal["displacement", "velocity", "acceleration"]
+# b: damping of the rubbing flank over the process stiffness. Regeneration feeds in at most half of kappa as negative
+# damping, and one-sided rubbing takes out a quarter of b kappa: 6 saturates every cut.
+FLANK = 6.0
 SENSORS: tuple[Sensor, ...] = ("displacement", "velocity", "acceleration")
 
 
@@ -71,6 +77,8 @@ class Drive:
         tau, in steps.
     disturbance : ndarray
         d, force per unit mass from elsewhere.
+    steepest : ndarray
+        vs, velocity into the workpiece from which on the flank rubs.
     """
 
     stiffness: NDArray[np.float64]
@@ -78,12 +86,30 @@ class Drive:
     run_out: NDArray[np.float64]
     delay_steps: NDArray[np.float64]
     disturbance: NDArray[np.float64]
+    steepest: NDArray[np.float64]
 
 
-def vibration(
-    modes: tuple[Mode, ...], drive: Drive, rate_hz: float, sensor: Sensor
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """What the sensor sees of the cut, and where the tool has left it; shape (n,) each, at `rate_hz` from rest.
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What comes of it; arrays of shape (n,).
+
+    Attributes
+    ----------
+    seen : ndarray
+        The quantity that the sensor measures, from the modes.
+    force : ndarray
+        F.
+    limited : ndarray of bool
+        Steps in which the tool is out of the cut or the flank rubs: what keeps a vibration from growing further.
+    """
+
+    seen: NDArray[np.float64]
+    force: NDArray[np.float64]
+    limited: NDArray[np.bool_]
+
+
+def vibration(modes: tuple[Mode, ...], drive: Drive, rate_hz: float, sensor: Sensor) -> Motion:
+    """Integrate the cut at `rate_hz` from rest.
 
     The modes are discretised exactly for a force that is linear between the steps; the force at the end of a step
     contains the displacement there and is solved for, so that nothing delays the process stiffness by half a step
@@ -93,8 +119,7 @@ def vibration(
     for i, mode in enumerate(modes):
         transition[i], before[i], after[i] = _discretised(mode, 1.0 / rate_hz)
     table = np.array([(m.omega**2, 2 * m.damping_ratio * m.omega, m.compliance, m.heard) for m in modes])
-    out = np.empty(drive.stiffness.size)
-    apart = np.zeros(out.size, np.bool_)
+    motion = Motion(*np.empty((2, drive.stiffness.size)), np.empty(drive.stiffness.size, np.bool_))
     _integrate(
         transition,
         before,
@@ -105,11 +130,13 @@ def vibration(
         drive.run_out,
         drive.delay_steps,
         drive.disturbance,
+        drive.steepest,
         SENSORS.index(sensor),
-        out,
-        apart,
+        motion.seen,
+        motion.force,
+        motion.limited,
     )
-    return out, apart
+    return motion
 
 
 def _discretised(mode: Mode, step_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -125,7 +152,20 @@ def _discretised(mode: Mode, step_s: float) -> tuple[NDArray[np.float64], NDArra
 
 @njit(cache=True)
 def _integrate(  # type: ignore[no-untyped-def]
-    transition, before, after, table, stiffness, feed, run_out, delay_steps, disturbance, sensor, out, apart
+    transition,
+    before,
+    after,
+    table,
+    stiffness,
+    feed,
+    run_out,
+    delay_steps,
+    disturbance,
+    steepest,
+    sensor,
+    seen,
+    forces,
+    limited,
 ):
     modes = table.shape[0]
     longest = 8
@@ -137,13 +177,15 @@ def _integrate(  # type: ignore[no-untyped-def]
     for i in range(modes):
         yielding += after[i, 0]
     force = 0.0
-    for k in range(out.size):
+    for k in range(seen.size):
         free = 0.0
+        into = 0.0
         for i in range(modes):
             q = transition[i, 0, 0] * state[i, 0] + transition[i, 0, 1] * state[i, 1] + before[i, 0] * force
             v = transition[i, 1, 0] * state[i, 0] + transition[i, 1, 1] * state[i, 1] + before[i, 1] * force
             state[i, 0], state[i, 1] = q, v
             free += q
+            into -= v
         # the surface one delay ago, by a cubic through four steps
         back = k - delay_steps[k]
         earlier = 0.0
@@ -160,10 +202,12 @@ def _integrate(  # type: ignore[no-untyped-def]
                 - (u + 1.0) * u * (u - 2.0) / 2.0 * s2
                 + (u + 1.0) * u * (u - 1.0) / 6.0 * s3
             )
-        chip = feed[k] - free - yielding * disturbance[k] + run_out[k] + earlier
-        apart[k] = chip <= 0.0 and stiffness[k] > 0.0
+        rubbing = max(0.0, into - steepest[k]) * FLANK / table[0, 0] ** 0.5
+        push = stiffness[k] * rubbing + disturbance[k]
+        chip = feed[k] - free - yielding * push + run_out[k] + earlier
+        limited[k] = stiffness[k] > 0.0 and (chip <= 0.0 or rubbing > 0.0)
         chip = chip / (1.0 + yielding * stiffness[k]) if chip > 0.0 else 0.0
-        force = stiffness[k] * chip + disturbance[k]
+        force = stiffness[k] * chip + push
         x = 0.0
         heard = 0.0
         for i in range(modes):
@@ -178,4 +222,5 @@ def _integrate(  # type: ignore[no-untyped-def]
             else:
                 heard += table[i, 3] * (table[i, 2] * force - table[i, 1] * v - table[i, 0] * q)
         surface[k % longest] = min(earlier + feed[k], x - run_out[k])
-        out[k] = heard
+        seen[k] = heard
+        forces[k] = force

@@ -16,6 +16,8 @@ from benchmarks.verdict.recipe import Engagement, Path, Recipe
 
 Draw = Callable[[np.random.Generator], Recipe]
 
+# At longer delays, in periods of the mode, vibration that grows does so too slowly to fall below a damping of -0.0015.
+LONGEST_UNSTABLE_DELAY = 50.0
 # A tooth frequency above this part of the mode's leaves the field of lobes where cuts are planned.
 HIGHEST_TOOTH_FREQUENCY = 0.7
 
@@ -24,8 +26,8 @@ def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def _plain(rng: np.random.Generator, teeth: int | None = None) -> Recipe:
-    """Return a steady stable cut; what the families change is changed there."""
+def _plain(rng: np.random.Generator, teeth: int | None = None, longest_delay: float = 100.0) -> Recipe:
+    """Return a steady stable cut; what the families change is changed there. Delays in periods of the mode."""
     first = Mode(_log_uniform(rng, 180.0, 2200.0), float(rng.uniform(0.01, 0.05)))
     modes = [first]
     for _ in range(int(rng.integers(0, 3))):
@@ -36,8 +38,10 @@ def _plain(rng: np.random.Generator, teeth: int | None = None) -> Recipe:
         )
     teeth = int(rng.integers(1, 7)) if teeth is None else teeth
     fastest = min(9000.0, HIGHEST_TOOTH_FREQUENCY * first.frequency_hz * 60.0 / teeth)
-    rpm = _log_uniform(rng, 600.0, fastest)
+    slowest = max(600.0, first.frequency_hz * 60.0 / (teeth * longest_delay))
+    rpm = _log_uniform(rng, slowest, fastest)
     depth = float(rng.uniform(0.0, 0.7 if teeth > 1 else 0.2))
+    sensor = SENSORS[int(rng.integers(3))]
     return Recipe(
         modes=tuple(modes),
         rpm=Path.constant(rpm),
@@ -50,7 +54,12 @@ def _plain(rng: np.random.Generator, teeth: int | None = None) -> Recipe:
         run_out=float(rng.uniform(0.0, 0.1)) if teeth > 1 else 0.0,
         unsteadiness=float(rng.uniform(0.03, 0.15)),
         slow_share=float(rng.uniform(0.1, 0.5)),
-        sensor=SENSORS[int(rng.integers(3))],
+        depth_wander=float(rng.uniform(0.0, 0.08)),
+        feed_wander=float(rng.uniform(0.02, 0.25)),
+        clearance=_log_uniform(rng, 0.1, 1.5),
+        direct=10 ** float(rng.uniform(-1.5, -0.5) if sensor == "displacement" else rng.uniform(-1.0, 0.3)),
+        direct_decay_s=_log_uniform(rng, 0.001, 0.015),
+        sensor=sensor,
         snr_db=float(rng.uniform(10.0, 35.0)),
         duration_s=float(rng.uniform(8.0, 14.0)),
     )
@@ -58,7 +67,7 @@ def _plain(rng: np.random.Generator, teeth: int | None = None) -> Recipe:
 
 def ramp(rng: np.random.Generator) -> Recipe:
     """Depth of cut grows slowly through the limit."""
-    plain = _plain(rng)
+    plain = _plain(rng, longest_delay=LONGEST_UNSTABLE_DELAY)
     start = rng.uniform(0.5, 2.0)
     end = plain.duration_s - rng.uniform(0.5, 1.5)
     return replace(plain, depth=Path((start, end), (rng.uniform(0.3, 0.6), rng.uniform(1.4, 1.9))))
@@ -71,13 +80,13 @@ def _sudden(rng: np.random.Generator, plain: Recipe) -> Path:
 
 def step(rng: np.random.Generator) -> Recipe:
     """Unstable from one moment to the next: a step in the workpiece."""
-    plain = _plain(rng)
+    plain = _plain(rng, longest_delay=LONGEST_UNSTABLE_DELAY)
     return replace(plain, depth=_sudden(rng, plain))
 
 
 def bar(rng: np.random.Generator) -> Recipe:
     """Turning a slender bar: in the middle it gives way and chatters, at both ends it does not."""
-    plain = _plain(rng, teeth=1)
+    plain = _plain(rng, teeth=1, longest_delay=LONGEST_UNSTABLE_DELAY)
     t = np.linspace(0.0, plain.duration_s, 41)
     ends, middle = rng.uniform(0.2, 0.4), rng.uniform(1.4, 2.0)
     shape = np.sin(np.pi * np.linspace(0.05, 0.95, t.size)) ** 2
@@ -86,7 +95,7 @@ def bar(rng: np.random.Generator) -> Recipe:
 
 def _forced(rng: np.random.Generator) -> Recipe:
     """Return milling whose teeth are loud and whose depth is moderate."""
-    plain = _plain(rng, teeth=int(rng.integers(2, 7)))
+    plain = _plain(rng, teeth=int(rng.integers(2, 7)), longest_delay=LONGEST_UNSTABLE_DELAY)
     engagement = replace(plain.engagement, depth=float(rng.uniform(0.4, 0.7)))
     return replace(plain, engagement=engagement, run_out=float(rng.uniform(0.02, 0.2)))
 
@@ -204,7 +213,7 @@ def hum(rng: np.random.Generator) -> Recipe:
 
 def stable(rng: np.random.Generator) -> Recipe:
     """Steady at 20-90 % of the limit: what the margin is measured on."""
-    return replace(_plain(rng), depth=Path.constant(float(rng.uniform(0.2, 0.9))))
+    return replace(_plain(rng), depth=Path.constant(float(rng.uniform(0.2, 0.9))), depth_wander=0.01)
 
 
 FAMILIES: dict[str, Draw] = {

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
+from scipy.signal import fftconvolve, lfilter
 
 from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, RATE_HZ, Cut
 from benchmarks.verdict.cutting import Drive, vibration
@@ -56,7 +56,7 @@ def simulate(recipe: Recipe, name: str, family: str, rng: np.random.Generator) -
     n = round((intervals * INTERVAL_S + 2.0 * MARGIN_S) * STEP_HZ)
     t = np.arange(n) / STEP_HZ - MARGIN_S
 
-    rpm = recipe.rpm(t) * (1.0 + WANDER * _wander(rng, n))
+    rpm = recipe.rpm(t) * (1.0 + WANDER * _wander(rng, n, WANDER_CORNER_HZ))
     revolutions = np.cumsum(rpm) / (60.0 * STEP_HZ) + rng.uniform(0.0, 1.0)
     tooth_phase = recipe.teeth * revolutions
     earlier = np.interp(tooth_phase - 1.0, tooth_phase, t, left=np.nan)
@@ -66,27 +66,27 @@ def simulate(recipe: Recipe, name: str, family: str, rng: np.random.Generator) -
     limit = min(
         critical_kappa(recipe.modes, 60.0 / (recipe.teeth * speed), harmonics) for speed in set(recipe.rpm.values)
     )
-    kappa = recipe.depth(t) * limit
+    kappa = recipe.depth(t) * limit * (1.0 + recipe.depth_wander * _wander(rng, n, rng.uniform(0.3, 2.0)))
     mean = kappa * recipe.modes[0].omega ** 2 * _engaged(recipe.engagement, tooth_phase, revolutions)
+    feed = recipe.feed(t) * np.maximum(0.0, 1.0 + recipe.feed_wander * _wander(rng, n, rng.uniform(1.0, 20.0)))
     radii = recipe.run_out * rng.standard_normal(recipe.teeth)
-    feed = recipe.feed(t)
     run_out = feed * _tooth_radius(radii - radii.mean(), tooth_phase, recipe.engagement.edge)
-    steady = Drive(mean, feed, run_out, delay_s * STEP_HZ, np.zeros(n))
-    unsteady = Drive(
-        mean * (1.0 + recipe.unsteadiness * _unsteadiness(rng, n, recipe.slow_share)),
-        feed,
-        run_out,
-        steady.delay_steps,
-        _blows(recipe, t),
+    steepest = np.full(n, recipe.clearance * recipe.modes[0].omega)
+    unsteady = mean * (1.0 + recipe.unsteadiness * _unsteadiness(rng, n, recipe.slow_share))
+    path = _direct_path(rng, recipe.direct_decay_s)
+    heard, forced = (
+        _run(recipe, Drive(stiffness, feed, run_out, delay_s * STEP_HZ, disturbance, steepest), path, t, keep)
+        for stiffness, disturbance in ((unsteady, _blows(recipe, t)), (mean, np.zeros(n)))
     )
-    heard, forced = (_run(recipe, drive, t, keep) for drive in (unsteady, steady))
+    level = recipe.direct * _rms(heard[0].vibration) / _rms(heard[1].vibration)
+    cut_sound, forced_sound = (Heard(m.vibration + level * d.vibration, m.limited) for m, d in (heard, forced))
+
     middle = INTERVAL_S * (np.arange(intervals) + 0.5)
-    truth = judge_truth(recipe, harmonics, limit, np.interp(middle, t, rpm), heard, forced)
-    calm = truth.damping_ratio > 0
-    cutting = truth.kappa > 0
-    chosen = calm & cutting if (calm & cutting).any() else cutting
-    usual = float(np.median(truth.vibration_rms[chosen]))
-    samples = heard.vibration + _tones(rng, recipe, heard.vibration.size, usual)
+    truth = judge_truth(
+        recipe, harmonics, np.interp(middle, t, kappa), np.interp(middle, t, rpm), cut_sound, forced_sound
+    )
+    usual = float(np.sqrt(np.mean(truth.vibration_rms[truth.kappa > 0] ** 2)))
+    samples = cut_sound.vibration + _tones(rng, recipe, cut_sound.vibration.size, usual)
     samples += usual * 10 ** (-recipe.snr_db / 20.0) * _room_noise(rng, samples.size)
     peak = float(np.max(np.abs(samples)))
     full_scale = 10 ** rng.uniform(-2.5, -0.05)
@@ -110,28 +110,41 @@ def simulate(recipe: Recipe, name: str, family: str, rng: np.random.Generator) -
     )
 
 
-def _run(recipe: Recipe, drive: Drive, t: Floats, keep: slice) -> Heard:
-    """Simulate with a drive, and reduce to the monitor's rate."""
-    fine, apart = vibration(recipe.modes, drive, STEP_HZ, recipe.sensor)
-    coarse = _recorded(recipe.loudness(t) * fine)[keep]
+def _run(recipe: Recipe, drive: Drive, path: Floats, t: Floats, keep: slice) -> tuple[Heard, Heard]:
+    """Simulate with a drive; what the sensor gets through the modes, and what through everything else."""
+    motion = vibration(recipe.modes, drive, STEP_HZ, recipe.sensor)
     stride = OVERSAMPLING * INTERVAL_SAMPLES
-    out_of_cut = apart[OVERSAMPLING * keep.start : OVERSAMPLING * keep.stop].reshape(-1, stride).mean(axis=1)
-    return Heard(coarse, out_of_cut)
+    limited = motion.limited[OVERSAMPLING * keep.start : OVERSAMPLING * keep.stop].reshape(-1, stride).mean(axis=1)
+    loudness = recipe.loudness(t)
+    direct = fftconvolve(_recorded(loudness * motion.force), path)
+    return Heard(_recorded(loudness * motion.seen)[keep], limited), Heard(direct[keep], limited)
 
 
-def _wander(rng: np.random.Generator, n: int) -> Floats:
-    """Ornstein-Uhlenbeck process of unit variance: how a spindle wanders about its speed."""
+def _direct_path(rng: np.random.Generator, decay_s: float) -> Floats:
+    """Impulse response of everything but the modes: dense, dying out, weak at low frequencies (a room, a headstock)."""
+    t = np.arange(round(6.0 * decay_s * RATE_HZ)) / RATE_HZ
+    dense = rng.standard_normal(t.size) * np.exp(-t / decay_s)
+    corner = math.exp(-2.0 * math.pi * rng.uniform(100.0, 800.0) / RATE_HZ)
+    return np.asarray(lfilter([1.0, -1.0], [1.0, -corner], dense))
+
+
+def _wander(rng: np.random.Generator, n: int, corner_hz: float) -> Floats:
+    """Ornstein-Uhlenbeck process of unit variance: slow changes about a mean."""
     stride = 64
-    rho = math.exp(-2.0 * math.pi * WANDER_CORNER_HZ * stride / STEP_HZ)
+    rho = math.exp(-2.0 * math.pi * corner_hz * stride / STEP_HZ)
     coarse = rng.standard_normal(n // stride + 2) * math.sqrt(1.0 - rho**2)
     coarse[0] /= math.sqrt(1.0 - rho**2)
     return np.interp(np.arange(n) / stride, np.arange(coarse.size), lfilter([1.0], [1.0, -rho], coarse))
 
 
+def _rms(signal: Floats) -> float:
+    return float(np.sqrt(np.mean(signal**2)))
+
+
 def _unsteadiness(rng: np.random.Generator, n: int, slow_share: float) -> Floats:
     """Cutting force over its mean, less one, of unit variance: chip segments, hard grains; broad and slow parts."""
     parts = []
-    for corner_hz in (rng.uniform(1500.0, 8000.0), rng.uniform(15.0, 80.0)):
+    for corner_hz in (rng.uniform(500.0, 6000.0), rng.uniform(15.0, 80.0)):
         rho = math.exp(-2.0 * math.pi * corner_hz / STEP_HZ)
         parts.append(lfilter([math.sqrt(1.0 - rho**2)], [1.0, -rho], rng.standard_normal(n)))
     return np.asarray(math.sqrt(1.0 - slow_share) * parts[0] + math.sqrt(slow_share) * parts[1])

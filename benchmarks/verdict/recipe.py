@@ -106,10 +106,19 @@ class Recipe:
         Gain of what the sensor gets of it.
     clip : float or None
         Level of clipping over the largest sample.
+    depth_wander, feed_wander : float
+        Standard deviations of slow changes of process stiffness and feed over their means: the blank is not round, the
+        stock not even. The former is part of the truth.
+    clearance : float
+        Amplitude of the first mode, over the nominal feed, from which on the flank rubs.
+    direct : float
+        What the force excites elsewhere (dense modes of machine and room) in the sensor: rms over that of `modes`.
+    direct_decay_s : float
+        Time constant in which that dies out.
     sensor : Sensor
         What is measured.
     snr_db : float
-        Against room noise.
+        Power of the vibration, averaged over what is cut, over that of the room noise.
     duration_s : float
         Length.
     """
@@ -123,6 +132,11 @@ class Recipe:
     run_out: float
     unsteadiness: float
     slow_share: float
+    depth_wander: float
+    feed_wander: float
+    clearance: float
+    direct: float
+    direct_decay_s: float
     sensor: Sensor
     snr_db: float
     duration_s: float

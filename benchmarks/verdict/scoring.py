@@ -110,7 +110,10 @@ def lags(heard: Iterable[Heard]) -> dict[str, float | None]:
     for h in heard:
         if h.cut.family not in SUDDEN:
             continue
-        for crossing_s in h.cut.truth.crossings_s[:1]:
+        for stretch in h.cut.truth.unstable[:1]:
+            crossing_s = stretch.crossing_s
+            if crossing_s is None:
+                continue
             at = int(crossing_s / INTERVAL_S)
             if h.alarm[at - 1]:
                 early += 1
@@ -140,7 +143,8 @@ def warnings(heard: Iterable[Heard]) -> dict[str, float | None]:
         raised = (h.said.state == "approaching") | h.alarm
         truth = h.cut.truth
         if h.cut.family == "ramp":
-            for doubled_s in truth.doubled_s[:1]:
+            for stretch in truth.unstable[:1]:
+                doubled_s = stretch.doubled_s
                 if doubled_s is not None:
                     window = slice(max(0, int((doubled_s - WARNING_S) / INTERVAL_S)), int(doubled_s / INTERVAL_S))
                     ramps += 1
@@ -228,7 +232,7 @@ def curve(scores: Floats, label: NDArray[np.int8]) -> tuple[Floats, Floats]:
 
 def _shortly_before(cut: Cut) -> Bools:
     t = cut.truth.start_s
-    near = [(t > crossing - EARLY_S) & (t < crossing) for crossing in cut.truth.crossings_s]
+    near = [(t > s.zero_s - EARLY_S) & (t < s.zero_s) for s in cut.truth.unstable]
     return np.any(near, axis=0) if near else np.zeros(t.size, bool)
 
 
