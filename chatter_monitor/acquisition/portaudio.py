@@ -123,8 +123,9 @@ class PortAudio(Opener):
             found = sounddevice.query_devices()
         except sounddevice.PortAudioError as error:
             raise _fault("the sound devices cannot be listed", error) from error
-        if default_index < 0:  # not set by the user: the first interface's own
-            default_index = next((api["default_input_device"] for api in sounddevice.query_hostapis()), -1)
+        if default_index < 0:  # nobody has set one: the first interface's own
+            defaults = (api["default_input_device"] for api in sounddevice.query_hostapis())
+            default_index = next((index for index in defaults if index >= 0), -1)
         return [
             Device(d["index"], d["name"], apis[d["hostapi"]], d["max_input_channels"], d["index"] == default_index)
             for d in found
@@ -209,7 +210,7 @@ def find(devices: Sequence[Device], wanted: str | int) -> Device:
     EnvironmentFault
         If there is none.
     """
-    if wanted == "default":
+    if wanted == "default" and any(device.default for device in devices):
         found = [device for device in devices if device.default]
     elif isinstance(wanted, int):
         found = [device for device in devices if device.index == wanted]

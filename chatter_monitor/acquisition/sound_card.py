@@ -116,9 +116,10 @@ class SoundCard(Source):
         Is told when the samples were heard.
     clock : callable
         Seconds on a clock that never jumps; the same as that of `index_clock`.
+    sleep : callable, optional
+        Waits for some seconds between two attempts to open a device; by default until the card is closed, at most.
     patience : Patience
         How long to wait for what.
-
     """
 
     length = None
@@ -131,6 +132,7 @@ class SoundCard(Source):
         opener: Opener,
         index_clock: IndexClock,
         clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], object] | None = None,
         patience: Patience = Patience(),
     ) -> None:
         self.sample_rate_hz = float(sample_rate_hz)
@@ -152,6 +154,7 @@ class SoundCard(Source):
         # Shared:
         self._captures: queue.SimpleQueue[_Capture] = queue.SimpleQueue()
         self._stopping = threading.Event()
+        self._sleep = sleep or self._stopping.wait
         self._trouble = "the device has not been opened yet"
         self._death: BaseException | None = None
         self._thread = threading.Thread(target=self._keep_open, name="sound-card", daemon=True)
@@ -256,7 +259,7 @@ class SoundCard(Source):
         self._faults = FaultFinder(self.channels, CEILING, dead_after=round(DEAD_S * rate_hz))
         while (first := self._next(capture)) is not None:
             if self._capture is None:
-                away_s = self._clock() - self._heard_s
+                away_s = self.deaf_s
                 self._capture = capture
                 _log.info("hearing %s, after %.1f s without", self.device, away_s)
             capture.held = first
@@ -337,12 +340,14 @@ class SoundCard(Source):
 
     def _keep_open(self) -> None:
         try:
-            attempt = 0
+            failures = 0
             while not self._stopping.is_set():
                 capture = self._open_and_wait()
-                attempt = 0 if capture is not None and capture.delivered else attempt + 1
+                if capture is not None and capture.delivered:
+                    failures = 0
                 waits = self._patience.reopen_s
-                self._stopping.wait(waits[min(attempt, len(waits) - 1)])
+                self._sleep(waits[min(failures, len(waits) - 1)])
+                failures += 1
         except BaseException as death:
             self._death = death
 

@@ -191,7 +191,11 @@ class Daemon:
                 ready = True
                 self._notifier.ready(status.sentence())
             # Progress is what the watchdog wants to see: samples, or for a while attempts to get some.
-            if now_s - fed_s >= fodder_s and card.deaf_s < self._settings.input.give_up_s:
+            if card.deaf_s > self._settings.input.give_up_s:
+                if fed_s > 0.0 and fodder_s < float("inf"):
+                    _log.error("giving up: the service manager may start the daemon anew")
+                fed_s = -float("inf")
+            elif now_s - fed_s >= fodder_s:
                 fed_s = now_s
                 self._notifier.watchdog()
             if now_s - told_s >= STATUS_S:

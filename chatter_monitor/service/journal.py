@@ -53,11 +53,10 @@ def journal(environment: Mapping[str, str], descriptor: int = 2) -> Iterator[Non
 
 
 class Story(Outlet):
-    """Tells the journal when hearing stops and begins, when problems come and go, and when it chatters."""
+    """Tells the journal when problems come, and when it chatters; the sound card itself tells when it hears again."""
 
     def __init__(self) -> None:
-        self._hearing = True  # nobody needs to be told when it begins like that
-        self._problems: set[str] = set()
+        self._problems: dict[str, str] = {}  # as they were told, by their words without the numbers
         self._alarmed: set[int] = set()
 
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
@@ -96,13 +95,16 @@ class Story(Outlet):
     def _health(self, health: Health) -> None:
         if health.state == "finished":
             return
-        if health.state == "hearing" and not self._hearing:
-            _log.info("hearing again; %d samples lost since the start", health.lost)
-        self._hearing = health.state == "hearing"
-        known, self._problems = self._problems, set()
+        known, self._problems = self._problems, {}
         for reason in health.reasons:
-            # numbers in it grow, and that is no news
-            problem = re.sub(r"\d[\d.]*", "#", reason)
-            self._problems.add(problem)
-            if problem not in known and not problem.startswith("# samples lost"):
-                _log.log(logging.INFO if reason.startswith("mark at") else logging.WARNING, "%s", reason)
+            if reason.startswith("mark at"):
+                _log.info("%s", reason)
+                continue
+            problem = re.sub(r"\d[\d.]*", "#", reason)  # numbers in it grow, and that is no news
+            self._problems[problem] = known.get(problem, reason)
+            if problem not in known:
+                _log.warning("%s", reason)
+        if health.state == "hearing":
+            for problem, reason in known.items():
+                if problem not in self._problems:
+                    _log.info("over: %s", reason)

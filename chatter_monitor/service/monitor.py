@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+import msgspec
 import numpy as np
 
 from chatter_monitor.acquisition.source import Source
@@ -181,6 +182,9 @@ class Monitor:
         verdict = self._judges[frame.channel].verdict(
             weigh(frame), frame.first_sample, len(frame), frame.sample_rate_hz
         )
+        condition = self._source.condition()
+        if not condition.hearing and verdict.state == "unknown":
+            verdict = msgspec.structs.replace(verdict, reasons=[*verdict.reasons, *condition.problems])
         odp = odp_message(frame)
         for outlet in self._outlets:
             outlet.frame(frame, odp)

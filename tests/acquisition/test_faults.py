@@ -61,3 +61,32 @@ def test_runs_cover_everything_once():
     assert list(equal_runs(rows[:0])) == []
     assert block_flags(rows[0]) == ()
     assert block_flags(rows[4]) == (Flag.CLIPPED, Flag.NON_FINITE)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_dead_channels_agree_with_a_plain_loop_for_any_cut(seed):
+    """A sample is dead when so many before it have been the same, however the stream is cut; noise never is."""
+    rng = np.random.default_rng(seed)
+    stuck = rng.standard_normal(3000)
+    stuck[200:700] = 0.0
+    stuck[1000:1100] = stuck[1000]  # just one short
+    stuck[2500:] = -0.3
+    samples = np.stack([stuck, rng.standard_normal(3000)], axis=1)
+    expected, run = [], 0
+    for index in range(3000):
+        run = run + 1 if index and stuck[index] == stuck[index - 1] else 0
+        expected.append(run >= 100)
+    finder = FaultFinder(2, 1.0, dead_after=100)
+    cuts = np.sort(rng.choice(np.arange(1, 3000), size=300, replace=False))
+    flags = np.concatenate([finder.inspect(piece.copy()) for piece in np.split(samples, cuts)])
+    assert sum(expected) == 400 + 400
+    assert np.array_equal(flags[:, 0] & Flag.DEAD_CHANNEL != 0, expected)
+    assert not flags[:, 1].any()
+    assert finder.dead.tolist() == [True, False]
+
+
+def test_silence_in_a_recording_is_meant():
+    """Without a limit nothing is dead."""
+    finder = FaultFinder(1, 1.0)
+    assert not finder.inspect(np.zeros((100_000, 1))).any()
+    assert not finder.dead.any()

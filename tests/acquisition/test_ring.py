@@ -154,3 +154,38 @@ def test_writing_allocates_no_samples(room):
     finally:
         tracemalloc.stop()
     assert peak < 4096
+
+
+def test_an_overflow_stands_at_its_place():
+    """A block ends before samples that follow an overflow of the device, and the next one carries the flag."""
+    ring = Ring(100, 2, 48000.0)
+    ring.write(numbered(0, 5))
+    ring.write(numbered(5, 4), overflow=True)
+    ring.write(numbered(9, 3))
+    blocks = [ring.read(100), ring.read(100)]
+    assert [(block.first_sample, len(block.samples), block.flags) for block in blocks] == [
+        (0, 5, ()),
+        (5, 7, (Flag.OVERFLOW, Flag.OVERFLOW)),
+    ]
+    assert ring.read(100) is None
+
+
+def test_an_overflow_without_room_is_not_forgotten():
+    """The flag of samples that found no room is on the next ones that do."""
+    ring = Ring(4, 2, 48000.0)
+    ring.write(numbered(0, 4))
+    ring.write(numbered(4, 2), overflow=True)
+    assert ring.read(100).flags == ()
+    ring.write(numbered(6, 2))
+    block = ring.read(100)
+    assert (block.first_sample, block.lost, block.flags) == (6, 2, (Flag.OVERFLOW, Flag.OVERFLOW))
+
+
+def test_a_block_knows_when_its_last_sample_came():
+    """Of several deliveries in a block the last one counts, also of those that are read in part."""
+    ring = Ring(10, 2, 48000.0)
+    ring.write(numbered(0, 4), 1.0)
+    ring.write(numbered(4, 4), 2.0)
+    assert [ring.read(6).arrived_s, ring.read(6).arrived_s] == [2.0, 2.0]
+    ring.write(numbered(8, 4), 3.0)  # around the end of the buffer
+    assert [ring.read(6).arrived_s, ring.read(6).arrived_s] == [3.0, 3.0]

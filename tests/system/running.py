@@ -14,7 +14,7 @@ from typing import NamedTuple, Self
 from chatter_monitor.client import Received, Subscriber
 from chatter_monitor.records import Health, OdpFrame, Verdict
 
-WAIT_S = 90.0  # kernels may have to be compiled first
+WAIT_S = 240.0  # kernels may have to be compiled first
 
 
 class Taken(NamedTuple):
