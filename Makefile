@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTHON ?= python3
 
-.PHONY: demo test test-fast check bench paper recordings setup clean
+.PHONY: demo test test-fast check bench paper recordings setup clean install-service uninstall-service
 
 demo: $(READY)
 	$(BIN)/chatter-monitor replay replay_data/bar_turning.flac --config config/lathe.toml
@@ -47,3 +47,49 @@ $(READY): pyproject.toml constraints.txt
 
 clean:
 	rm -rf $(VENV) out build *.egg-info
+
+# The service of this machine (docs/service.md), as root. Again after an update: an edited configuration stays.
+# With DESTDIR only files are laid out below it, for package makers: no user, no environment, no compiling.
+OPT := /opt/chatter-monitor
+ETC := /etc/chatter-monitor
+CACHE := /var/cache/chatter-monitor
+UNITS := /etc/systemd/system
+ACCOUNT := chatter-monitor
+
+install-service:
+ifndef DESTDIR
+	@test "$$(id -u)" = 0 || { echo "make install-service needs root: sudo make install-service"; exit 2; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "chatter-monitor needs Python 3.11 or newer"; exit 2; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.base_prefix.startswith(("/home", "/root")))' || { echo "the service cannot see a Python in a home directory: make install-service PYTHON=/usr/bin/python3"; exit 2; }
+	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || { apt-get update -q && apt-get install -y -q python3-venv; }
+	@ldconfig -p | grep -q libportaudio.so.2 || { apt-get update -q && apt-get install -y -q --no-install-recommends libportaudio2; }
+	getent passwd $(ACCOUNT) >/dev/null || useradd --system --user-group --home-dir /var/lib/chatter-monitor --no-create-home --shell /usr/sbin/nologin $(ACCOUNT)
+	$(PYTHON) -m venv $(OPT)
+	rm -rf build # what an earlier version left there would be installed again
+	$(OPT)/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt .
+	install -d -o root -g $(ACCOUNT) -m 0750 $(ETC) $(ETC)/keys $(ETC)/keys/allowed
+	install -d -o $(ACCOUNT) -g $(ACCOUNT) -m 0750 $(CACHE)
+endif
+	install -D -m 0644 config/chatter-monitor.service $(DESTDIR)$(UNITS)/chatter-monitor.service
+	install -D -m 0644 docs/service.md $(DESTDIR)$(OPT)/share/doc/service.md
+	install -D -m 0644 config/machine.toml $(DESTDIR)$(ETC)/machine.toml.example
+	test -e $(DESTDIR)$(ETC)/machine.toml || install -m 0644 config/machine.toml $(DESTDIR)$(ETC)/machine.toml
+ifndef DESTDIR
+	ln -sf $(OPT)/bin/chatter-monitor /usr/local/bin/chatter-monitor
+	@echo "Compiling the kernels and trying them on a simulated cut; this takes about half a minute."
+	NUMBA_CACHE_DIR=$(CACHE) $(OPT)/bin/chatter-monitor replay replay_data/bar_turning.flac
+	chown -R $(ACCOUNT):$(ACCOUNT) $(CACHE)
+	@if [ -d /run/systemd/system ]; then systemctl daemon-reload && systemctl try-restart chatter-monitor; fi
+	@echo
+	@echo "Installed. What next:"
+	@echo "  chatter-monitor devices                    which sound devices there are"
+	@echo "  editor $(ETC)/machine.toml    say which one, and what the machine is called"
+	@echo "  systemctl enable --now chatter-monitor     start it, now and with the machine"
+	@echo "  systemctl status chatter-monitor           how it goes; docs/service.md tells the rest"
+endif
+
+uninstall-service:
+	-systemctl disable --now chatter-monitor
+	rm -rf $(OPT) $(CACHE) $(UNITS)/chatter-monitor.service /usr/local/bin/chatter-monitor
+	-systemctl daemon-reload
+	@echo "Removed, but for what is yours: $(ETC), /var/lib/chatter-monitor and the user $(ACCOUNT)."
