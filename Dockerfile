@@ -10,9 +10,8 @@ RUN python3 -m venv /opt/chatter-monitor \
     && /opt/chatter-monitor/bin/python -m pip install --no-cache-dir -c constraints.txt .
 
 FROM debian:bookworm-slim
-# libasound2-plugins: for a sound server of the host instead of a sound card.
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends python3 libportaudio2 libasound2-plugins \
+    && apt-get install -y --no-install-recommends python3 libportaudio2 \
     && rm -rf /var/lib/apt/lists/* \
     && useradd --system --user-group --groups audio --home-dir /var/lib/chatter-monitor --shell /usr/sbin/nologin chatter-monitor \
     && install -d -o chatter-monitor -g chatter-monitor -m 0750 /var/lib/chatter-monitor /var/cache/chatter-monitor
@@ -26,6 +25,7 @@ COPY replay_data/bar_turning.flac /tmp/
 RUN chatter-monitor replay /tmp/bar_turning.flac
 VOLUME /var/lib/chatter-monitor
 # Not whether the process lives, but whether it hears.
-HEALTHCHECK --interval=30s --timeout=20s --start-period=120s CMD ["chatter-monitor", "doctor", "--running"]
+HEALTHCHECK --interval=30s --timeout=20s --start-period=120s \
+    CMD ["chatter-monitor", "doctor", "--running", "--config", "/etc/chatter-monitor/machine.toml"]
 ENTRYPOINT ["chatter-monitor"]
 CMD ["run", "--config", "/etc/chatter-monitor/machine.toml"]

@@ -103,6 +103,8 @@ class Daemon:
         Where the status line goes if it is a terminal.
     opener : Opener, optional
         Devices; PortAudio's by default.
+    witnesses : sequence of Outlet
+        Further outlets, which the caller opens and closes.
 
     Raises
     ------
@@ -111,12 +113,19 @@ class Daemon:
     """
 
     def __init__(
-        self, configs: Sequence[Path], *, notifier: Notifier, console: Console, opener: Opener | None = None
+        self,
+        configs: Sequence[Path],
+        *,
+        notifier: Notifier,
+        console: Console,
+        opener: Opener | None = None,
+        witnesses: Sequence[Outlet] = (),
     ) -> None:
         self._configs = configs
         self._settings = load(configs)
         self._notifier = notifier
         self._console = console
+        self._witnesses = witnesses
         self._opener = opener or PortAudio(self._settings.input, self._settings.tracker.sample_rate_hz)
         self._notes = _Notes()
 
@@ -140,7 +149,7 @@ class Daemon:
             control = self._control(stack)
             card = SoundCard(settings.input, rate_hz, opener=self._opener, index_clock=clock)
             status = Status(lambda: card.device)
-            outlets: list[Outlet] = [publisher, status, Story()]
+            outlets: list[Outlet] = [publisher, status, Story(), *self._witnesses]
             outlets += [control] if control is not None else []
             if settings.metrics.bind is not None:
                 machine = settings.machine.name

@@ -19,7 +19,12 @@ RELEASE = "bookworm"
 def run(*command: str | Path, timeout_s: float = 600, **options: object) -> str:
     """Run a program to its end; its output stands in the error if it fails."""
     done = subprocess.run(
-        list(map(str, command)), text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=timeout_s, **options
+        list(map(str, command)),
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=timeout_s,
+        **options,
     )
     if done.returncode:
         raise AssertionError(f"{' '.join(map(str, command))} ended with {done.returncode}:\n{done.stdout[-4000:]}")
@@ -64,11 +69,8 @@ def wheels() -> Path:
 def put_source(tree: Path) -> Path:
     """Copy the project's files into a tree; returns their place in it."""
     place = Path("/usr/src/chatter-monitor")
-    files = run("git", "ls-files", "--cached", "--others", "--exclude-standard", cwd=ROOT).splitlines()
-    for name in filter(lambda name: (ROOT / name).is_file(), files):
-        target = tree / place.relative_to("/") / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(ROOT / name, target)
+    made = shutil.ignore_patterns(".*", "__pycache__", "build", "out", "*.egg-info")
+    shutil.copytree(ROOT, tree / place.relative_to("/"), ignore=made, dirs_exist_ok=True)
     return place
 
 
@@ -77,7 +79,9 @@ def copy(tree: Path, target: Path) -> None:
     run("cp", "--archive", "--reflink=auto", "--no-target-directory", tree, target)
 
 
-def inside(tree: Path, *command: str, environment: dict[str, str] | None = None, read_only: tuple[Path, ...] = ()) -> str:
+def inside(
+    tree: Path, *command: str, environment: dict[str, str] | None = None, read_only: tuple[Path, ...] = ()
+) -> str:
     """Run a command in a tree that is not booted, with the network of this machine."""
     options = [f"--setenv={key}={value}" for key, value in (environment or {}).items()]
     options += [f"--bind-ro={path}" for path in read_only]
