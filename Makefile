@@ -27,6 +27,8 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.tracker_accuracy
 	$(BIN)/python -m benchmarks.simulator
 	$(BIN)/python -m benchmarks.identification
+	$(BIN)/python -m benchmarks.latency
+	$(BIN)/python -m benchmarks.memory --hours 1
 
 # The figures of the paper with the numbers beside them, in docs/paper.
 paper: $(READY)
