@@ -35,6 +35,7 @@ from chatter_monitor.errors import EnvironmentFault
 from chatter_monitor.records import Block, Flag
 
 RING_S = 4.0  # what the worker may fall behind before samples are lost
+START_S = 1.0  # that a device may take to open at the start, before samples count as lost
 DEAD_S = 1.0  # an unchanged channel is dead from then on
 CLIPPING_SHOWN_S = 10.0
 CEILING = 1.0 - 2.0**-15  # the largest code of a 16-bit converter; for one of 24 bits that is near enough
@@ -233,7 +234,8 @@ class SoundCard(Source):
             try:
                 capture = self._captures.get(timeout=self._patience.tick_s)
             except queue.Empty:
-                yield from self._missing(self._clock() - self._patience.tick_s)
+                if self._end or self.deaf_s > START_S:
+                    yield from self._missing(self._clock() - self._patience.tick_s)
                 continue
             yield from self._hear(capture)
 
@@ -275,8 +277,9 @@ class SoundCard(Source):
         rate_hz = capture.choice.sample_rate_hz
         ratio = self.sample_rate_hz / rate_hz
         arrived_s = self._clock() if first.arrived_s is None else first.arrived_s
-        # The clock says how much was lost before; the index never goes back.
-        begin = max(self._end, round(self._index_clock.index_at(arrived_s) - len(first.samples) * ratio))
+        begin = 0
+        if self._end:  # the clock says how much was lost since; the index never goes back
+            begin = max(self._end, round(self._index_clock.index_at(arrived_s) - len(first.samples) * ratio))
         self._index_clock.restart(begin + len(first.samples) * ratio, arrived_s)
         delivered = _Delivered(self._delivered(capture, first.first_sample, begin), rate_hz, self.channels)
         for block in Resampled(delivered, self.sample_rate_hz).blocks():

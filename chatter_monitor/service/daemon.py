@@ -24,6 +24,7 @@ spindle change at once; for everything else the daemon says that it needs a rest
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import signal
@@ -249,3 +250,4 @@ def run_daemon(configs: Sequence[Path], environment: Mapping[str, str]) -> None:
     """Run the daemon with this process's service manager and terminal."""
     with Notifier.from_environment(environment, os.getpid()) as notifier:
         Daemon(configs, notifier=notifier, console=Console()).run()
+    gc.freeze()  # the interpreter would look for garbage among the compiled kernels, which takes a second, and then end

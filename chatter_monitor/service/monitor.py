@@ -20,6 +20,9 @@ from chatter_monitor.tracking.tracker import INTERVAL_S, Tracker
 from chatter_monitor.verdict.evidence import weigh
 from chatter_monitor.verdict.judge import EventLog, Judge, JudgeSettings
 
+# The count of lost samples stays; what is said about it in words is news for a minute.
+LOSS_SHOWN_S = 60.0
+
 
 class SampleCounts(Protocol):
     """What an input has counted so far, over all channels."""
@@ -37,6 +40,7 @@ class Tally:
 
     samples: int = 0
     lost: int = 0
+    lost_at_s: float = 0.0
     latencies_s: list[float] = field(default_factory=list)
 
 
@@ -131,7 +135,9 @@ class Monitor:
             self._obey(block.first_sample / self._source.sample_rate_hz)
             end = block.first_sample + len(block.samples)
             self._tally.samples += len(block.samples)
-            self._tally.lost += block.lost
+            if block.lost:
+                self._tally.lost += block.lost
+                self._tally.lost_at_s = block.first_sample / self._source.sample_rate_hz
             for outlet in self._outlets:
                 outlet.block(block)
             for channel, tracker in enumerate(self._trackers):
@@ -203,7 +209,8 @@ class Monitor:
         tally.latencies_s = []
         condition = self._source.condition()
         reasons = [*condition.problems]
-        reasons += [f"{tally.lost} samples lost"] if tally.lost else []
+        if tally.lost and t - tally.lost_at_s < LOSS_SHOWN_S:
+            reasons.append(f"{tally.lost} samples lost")
         reasons += [problem for outlet in self._outlets for problem in outlet.problems()]
         reasons += [self.trouble] if self.trouble is not None else []
         reasons += self._marks
