@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -41,7 +42,7 @@ def _save(made: Cut, file: Path) -> None:
             elif not isinstance(value, Truth):
                 plain[prefix + field.name] = value
     arrays["cut.samples"] = made.samples.astype(np.float32)  # they are float32 values
-    partial = file.with_suffix(".part.npz")
+    partial = file.with_suffix(f".{os.getpid()}.npz")
     np.savez(partial, plain=json.dumps(plain), **arrays)
     partial.rename(file)  # whole or not at all
 

@@ -55,7 +55,7 @@ def _plain(rng: np.random.Generator, teeth: int | None = None, longest_delay: fl
         unsteadiness=float(rng.uniform(0.03, 0.15)),
         slow_share=float(rng.uniform(0.1, 0.5)),
         depth_wander=float(rng.uniform(0.0, 0.08)),
-        feed_wander=float(rng.uniform(0.02, 0.25)),
+        feed_wander=_log_uniform(rng, 0.01, 0.4),
         clearance=_log_uniform(rng, 0.1, 1.5),
         direct=10 ** float(rng.uniform(-1.5, -0.5) if sensor == "displacement" else rng.uniform(-1.0, 0.3)),
         direct_decay_s=_log_uniform(rng, 0.001, 0.015),

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.signal import fftconvolve, lfilter
 
 from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, RATE_HZ, Cut
@@ -180,13 +181,14 @@ def _recorded(fine: Floats) -> Floats:
     The edge is a power-complementary half-cosine of 6.1-6.7 kHz: white noise stays exactly white under the folding. A
     brick wall below the edge would leave an empty top of the band, which spoils every ARMA fit.
     """
-    spectrum = np.fft.rfft(fine)
-    f = np.fft.rfftfreq(fine.size, 1.0 / STEP_HZ)
+    size = OVERSAMPLING * next_fast_len(-(-fine.size // OVERSAMPLING), real=True)
+    spectrum = rfft(fine, size)
+    f = rfftfreq(size, 1.0 / STEP_HZ)
     edge = 0.5 * RATE_HZ
     u = np.clip((f - 0.953 * edge) / (2.0 * 0.047 * edge), 0.0, 1.0)
     spectrum *= np.cos(0.5 * np.pi * u)
     spectrum *= 1.0 / (1.0 - 1j * AC_CORNER_HZ / np.maximum(f, 1e-9))
-    return np.asarray(np.fft.irfft(spectrum, fine.size)[::OVERSAMPLING])
+    return np.asarray(irfft(spectrum, size)[: fine.size : OVERSAMPLING])
 
 
 def _tones(rng: np.random.Generator, recipe: Recipe, n: int, usual: float) -> Floats:
@@ -202,8 +204,8 @@ def _tones(rng: np.random.Generator, recipe: Recipe, n: int, usual: float) -> Fl
 
 def _room_noise(rng: np.random.Generator, n: int) -> Floats:
     """Gaussian noise of unit variance whose spectrum falls with frequency, on a white floor."""
-    f = np.maximum(np.fft.rfftfreq(n, 1.0 / RATE_HZ), 20.0)
+    f = np.maximum(rfftfreq(n, 1.0 / RATE_HZ), 20.0)
     slope, corner_hz = rng.uniform(0.0, 1.0), rng.uniform(100.0, 1000.0)
     shape = (1.0 + (f / corner_hz) ** 2) ** (-0.5 * slope) + rng.uniform(0.02, 0.2)
-    noise = np.fft.irfft(shape * np.fft.rfft(rng.standard_normal(n)), n)
+    noise = irfft(shape * rfft(rng.standard_normal(n)), n)
     return np.asarray(noise / np.std(noise))

@@ -19,7 +19,7 @@ SETTLING_S = 0.3  # of every recording, not scored
 DIED_DOWN = 0.2  # of the largest rms of an unstable stretch: below this the vibration of the past is over
 FORCED_SHARE = 0.5
 LIMITED = 0.02  # of the time, beyond what the teeth do by themselves: the vibration has saturated
-SPEEDS_OF_LIMIT = 5  # the limit is computed at so many speeds of the cut and interpolated
+SPEEDS_OF_LIMIT = 4  # the limit is computed at so many speeds of the cut and interpolated
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,23 +8,32 @@ Run: python -m benchmarks.verdict.realism [--cuts N] [--out DIR] [--cache DIR]
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import soundfile
 import soxr
 from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
 from scipy.signal import hilbert, welch
 from scipy.stats import kurtosis
 
+from benchmarks.verdict.cache import cached_cuts
 from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, RATE_HZ, Cut, Label
 
 Floats = NDArray[np.float64]
 
 # Recordings of real machines; they are read in place where they are at hand, and are no part of the project.
 DATA = Path(__file__).parents[3] / "shared" / "data"
+
+# Cuts as they are without somebody's pump, hammer or overdriven amplifier.
+PLAIN_FAMILIES = ("ramp", "step", "bar", "forced", "forced_at_resonance", "forced_then_chatter", "low_damped", "stable")
 
 PIECE_S = 0.8  # the accelerometer's burst of chatter lasts no longer
 FLOOR_FROM_HZ = 150.0  # the turning excerpts are high-passed there
@@ -142,3 +151,76 @@ def simulated_pieces(cut: Cut, kind: str) -> Iterator[Likeness]:
     for first in range(0, len(truth) - size + 1, size):
         if wanted[first : first + size].all():
             yield likeness(cut.samples[first * INTERVAL_SAMPLES : (first + size) * INTERVAL_SAMPLES])
+
+
+def compare(real: dict[Excerpt, list[Likeness]], simulated: list[Likeness], kind: str, console: Console) -> None:
+    """Print where the real values lie within the simulated ones."""
+    table = Table(title=f"{kind}: real recordings among {len(simulated)} simulated pieces of {PIECE_S:g} s")
+    table.add_column("statistic")
+    for heading in ("sim. 5 %", "50 %", "95 %"):
+        table.add_column(heading, justify="right")
+    chosen = [excerpt for excerpt in real if excerpt.kind == kind]
+    for excerpt in chosen:
+        table.add_column(f"{excerpt.name} (rank)", justify="right")
+    for field in fields(Likeness):
+        values = np.array([getattr(piece, field.name) for piece in simulated])
+        values = values[np.isfinite(values)]
+        row = [f"{v:.2f}" for v in np.percentile(values, (5, 50, 95))]
+        for excerpt in chosen:
+            median = float(np.median([getattr(piece, field.name) for piece in real[excerpt]]))
+            row.append("-" if np.isnan(median) else f"{median:.2f} ({100.0 * np.mean(values < median):.0f} %)")
+        table.add_row(field.name, *row)
+    console.print(table)
+
+
+def picture(real: dict[Excerpt, list[Likeness]], simulated: dict[str, list[Likeness]], file: Path) -> None:
+    """Draw the distribution of each statistic over the simulated pieces with the real pieces as marks."""
+    names = [field.name for field in fields(Likeness)]
+    figure, axes = plt.subplots(2, len(names) // 2, figsize=(16, 8), constrained_layout=True)
+    colours = {"chatter": "tab:red", "stable": "tab:blue"}
+    for name, ax in zip(names, axes.flat, strict=True):
+        for kind, pieces in simulated.items():
+            values = np.array([getattr(piece, name) for piece in pieces])
+            ax.hist(
+                values[np.isfinite(values)], 40, density=True, alpha=0.3, color=colours[kind], label=f"simulated {kind}"
+            )
+        top = ax.get_ylim()[1]
+        for row, (excerpt, pieces) in enumerate(real.items()):
+            values = np.array([getattr(piece, name) for piece in pieces])
+            height = np.full(values.size, top * (0.97 - 0.05 * row))
+            style = {"color": colours[excerpt.kind], "marker": "os^dv<>"[row], "ls": "", "mec": "k", "ms": 6}
+            ax.plot(values, height, label=f"{excerpt.kind}: {excerpt.name}", **style)
+        ax.set_title(name)
+        ax.set_yticks([])
+    axes.flat[0].set_xscale("log")
+    handles, labels = axes.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5)
+    figure.savefig(file, dpi=80)
+    plt.close(figure)
+
+
+def main() -> None:
+    """Measure, print, draw."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.verdict.realism", description=__doc__)
+    parser.add_argument("--cuts", type=int, default=150, help="cuts of the development split (default 150)")
+    parser.add_argument("--out", type=Path, help="directory for the picture")
+    parser.add_argument("--cache", type=Path, help="directory to keep generated cuts in")
+    chosen = parser.parse_args()
+    real = {excerpt: found for excerpt in EXCERPTS if (found := list(real_pieces(excerpt)))}
+    if not real:
+        raise SystemExit(f"no recordings of real machines in {DATA}: nothing to compare with")
+    simulated: dict[str, list[Likeness]] = {"chatter": [], "stable": []}
+    made = cached_cuts("development", chosen.cuts, chosen.cache)
+    for cut in track(made, total=chosen.cuts, description="cuts", console=Console(stderr=True)):
+        if cut.family in PLAIN_FAMILIES:
+            for kind, pieces in simulated.items():
+                pieces.extend(simulated_pieces(cut, kind))
+    for kind, pieces in simulated.items():
+        compare(real, pieces, kind, Console(width=150))
+    if chosen.out is not None:
+        chosen.out.mkdir(parents=True, exist_ok=True)
+        picture(real, simulated, chosen.out / "realism.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -29,7 +29,7 @@ Complexes = NDArray[np.complex128]
 # Roots of the averaged equation that are followed into the modulated one: the rightmost may change places.
 FOLLOWED = 3
 # Tooth harmonics either side that take part in the determinant at most.
-MOST_HARMONICS = 10
+MOST_HARMONICS = 6
 NEWTON_STEPS = 5
 
 
@@ -82,7 +82,7 @@ def critical_kappa(modes: tuple[Mode, ...], tau_s: float, harmonics: Complexes |
     high = guess
     while growth(high) <= 0.0:
         high *= 1.2
-    return float(brentq(growth, 0.0, high, rtol=1e-5))
+    return float(brentq(growth, 0.0, high, rtol=1e-4))
 
 
 def _averaged_limit(modes: tuple[Mode, ...], tau_s: float) -> float:
@@ -110,7 +110,7 @@ def _averaged_roots(table, kappa, tau_s, roots):  # type: ignore[no-untyped-def]
             # roots lie a spindle (tooth) frequency apart: starts at half that around the mode, more would be far left
             spacing = min(math.pi / tau, 0.05 * table[m, 0])
             spacing = max(spacing, 0.004 * table[m, 0])
-            for step in range(-30, 61):
+            for step in range(-15, 31):
                 w0 = table[m, 0] + step * spacing
                 if w0 < 0.3 * table[m, 0]:
                     continue
