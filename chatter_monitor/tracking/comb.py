@@ -2,8 +2,8 @@
 
 A comb is harmonic: its lines are integer multiples of one frequency, through zero. Each line that lies closer to a
 multiple than chance would have it is evidence, and a low fundamental, whose multiples are everywhere, earns little by
-it. A self-excited vibration and its sidebands are evenly spaced as well, but offset; alone, it has its overtones. Both
-are tried as explanations, and a comb that does no better than they is refused.
+it. A self-excited vibration has overtones and evenly spaced sidebands, and some low frequency nearly divides them all.
+So that is tried as an explanation, too, and where it does better its lines do not count.
 """
 
 from __future__ import annotations
@@ -24,6 +24,11 @@ STRONGEST = 12
 # Lines are this exact: of the spectrum's resolution, and of the frequency, for a speed that is not quite constant.
 EXACT_BINS = 0.7
 EXACT_SHARE = 3e-4
+# Log odds by which a comb has to be ahead of that: a false comb hides chatter, a missed one costs time.
+AHEAD = 3.0
+# What a self-excited vibration brings along: multiples of its frequency, and sidebands on either side of each.
+OVERTONES = 3
+SIDEBANDS = 4
 # Log of the odds against chance, over all the combs that were tried.
 ENOUGH = math.log(1000.0)
 
@@ -128,50 +133,69 @@ def _floor(power: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def find_comb(lines: Lines, target: Target) -> Comb | None:
     """The comb for which there is most evidence, None where there is not enough."""
+    while len(lines.frequency_hz) >= 3:
+        comb = _best_comb(lines, target)
+        if comb is None:
+            return None
+        evidence, family = _best_family(lines)
+        if evidence < comb.evidence - AHEAD:
+            return comb
+        lines = Lines(lines.frequency_hz[~family], lines.tolerance_hz[~family])
+    return None
+
+
+def _best_comb(lines: Lines, target: Target) -> Comb | None:
     frequency = lines.frequency_hz
-    if len(frequency) < 3:
-        return None
     room = int(np.sum(frequency / target.low_hz)) + 1
     candidates, gains, hits = np.empty(room), np.empty(room), np.empty(room, dtype=np.int64)
     made = surprise(frequency, lines.tolerance_hz, target.low_hz, target.high_hz, candidates, gains, hits)
-    if made == 0:
-        return None
-    gains = gains[:made] - _choices(len(frequency) - 1, hits[:made] - 1) - math.log(made)
+    gains = gains[:made] - _choices(len(frequency) - 1, hits[:made] - 1) - math.log(max(1, made))
     promising = np.flatnonzero(gains > ENOUGH)
-    if not len(promising):
-        return None
-    enough = _best_offset_comb(lines)
     for i in promising[np.argsort(-gains[promising], kind="stable")]:
         order = np.round(frequency / candidates[i]).astype(np.int64)
         on = (np.abs(frequency - order * candidates[i]) <= lines.tolerance_hz) & (order >= 1)
-        if gains[i] > enough and target.stands(np.unique(order[on]), candidates[i]):
+        if target.stands(np.unique(order[on]), candidates[i]):
             return _fit(lines, on, candidates[i], float(gains[i]))
     return None
 
 
-def _best_offset_comb(lines: Lines) -> float:
-    """Log odds against chance of the best evenly spaced lines that are not multiples of their spacing."""
-    frequency = lines.frequency_hz
-    carrier, other = np.meshgrid(np.arange(len(frequency)), np.arange(len(frequency)))
-    pairs = carrier < other
-    carrier, other = carrier[pairs], other[pairs]
-    best = -math.inf
-    for k in (1, 2, 3):
-        spacing = np.abs(frequency[other] - frequency[carrier]) / k
-        good = spacing > 10.0 * lines.tolerance_hz.max()
-        if not good.any():
-            continue
-        spacing, first = spacing[good, np.newaxis], frequency[carrier[good], np.newaxis]
-        index = np.round((frequency - first) / spacing)
-        on = np.abs(frequency - first - index * spacing) <= lines.tolerance_hz
-        harmonic = np.abs(first - np.round(first / spacing) * spacing) <= 2.0 * lines.tolerance_hz[carrier[good], None]
-        surprise = np.where(on, -np.log(np.minimum(1.0, 2.0 * lines.tolerance_hz / spacing)), 0.0)
-        surprise.sort(axis=1)
-        count = on.sum(axis=1)
-        gain = surprise[:, :-2].sum(axis=1) - _choices(len(frequency) - 2, count - 2) - math.log(3 * len(carrier))
-        gain[harmonic[:, 0] | (count < 3)] = -math.inf
-        best = max(best, float(gain.max()))
-    return best
+def _best_family(lines: Lines) -> tuple[float, NDArray[np.bool_]]:
+    """Lines that a self-excited vibration explains best: its overtones, and sidebands around them.
+
+    The sidebands' spacing is that of two lines, or a part of it; a vibration that is a multiple of the spacing is not
+    self-excited for all that can be seen.
+
+    Returns
+    -------
+    float
+        Log odds against chance, counted as for a comb.
+    ndarray of bool, shape (lines,)
+        Which lines these are.
+    """
+    frequency, tolerance = lines.frequency_hz, lines.tolerance_hz
+    n = len(frequency)
+    first, second, part = (index.ravel() for index in np.meshgrid(np.arange(n), np.arange(n), [1, 2, 3]))
+    carrier = frequency[first]
+    spacing = np.abs(frequency[second] - carrier) / part
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off_multiple = np.abs(carrier - np.round(carrier / spacing) * spacing)
+    tried = (spacing > 10.0 * tolerance.max()) & (off_multiple > 2.0 * tolerance[first])
+    if not tried.any():
+        return -math.inf, np.zeros(n, dtype=bool)
+    carrier, spacing = carrier[tried, np.newaxis, np.newaxis], spacing[tried, np.newaxis, np.newaxis]
+    from_overtone = frequency - np.arange(1, OVERTONES + 1)[:, np.newaxis] * carrier  # candidate, overtone, line
+    sideband = np.round(from_overtone / spacing)
+    near = np.abs(from_overtone - sideband * spacing) <= 2.0 * tolerance
+    on: NDArray[np.bool_] = np.any(near & (np.abs(sideband) <= SIDEBANDS), axis=1)
+    places = OVERTONES * (2 * SIDEBANDS + 1)
+    chance = np.minimum(1.0, places * 4.0 * tolerance / frequency.max())
+    surprises = np.sort(np.where(on, -np.log(chance), 0.0), axis=1)
+    # two lines are on it for certain
+    hits = on.sum(axis=1)
+    evidence = surprises[:, :-2].sum(axis=1) - _choices(n - 2, hits - 2) - math.log(len(hits))
+    evidence[hits < 3] = -math.inf
+    best = int(np.argmax(evidence))
+    return float(evidence[best]), on[best]
 
 
 def _choices(n: int, k: NDArray[np.int64]) -> NDArray[np.float64]:
