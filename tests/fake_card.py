@@ -82,6 +82,38 @@ class FakeDevices(Opener):
         return self._opened.get(timeout=WAIT_S)
 
 
+class PlayingDevices(FakeDevices):
+    """Devices that play a signal again and again, at the speed of life, 10 ms at a time, while they are open.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,) or (n, channels)
+        What they play; nothing for devices that deliver nothing.
+    rate_hz : float
+        Its rate.
+    """
+
+    def __init__(self, signal: np.ndarray, rate_hz: float = 12_800.0) -> None:
+        super().__init__(rate_hz, channels=signal.shape[1] if signal.ndim == 2 else 1)
+        self.quiet = threading.Event()  # set to let them deliver nothing
+        self._signal = signal
+
+    def open(self, choice: Choice, deliver: Deliver, ended: Callable[[], None]) -> Stream:
+        opened = super().open(choice, deliver, ended)
+        assert isinstance(opened, Opened)
+        threading.Thread(target=self._play, args=[opened], daemon=True).start()
+        return opened
+
+    def _play(self, opened: Opened) -> None:
+        began_s = time.monotonic()
+        piece = round(0.01 * opened.rate_hz)
+        delivered = 0
+        while not opened.closed.wait(0.002) and len(self._signal):
+            while delivered + piece <= (time.monotonic() - began_s) * opened.rate_hz and not self.quiet.is_set():
+                opened.deliver(np.take(self._signal, range(delivered, delivered + piece), axis=0, mode="wrap"))
+                delivered += piece
+
+
 def eventually(what: Callable[[], bool]) -> None:
     """Wait until something is so; it is an error if it never is."""
     deadline_s = time.monotonic() + WAIT_S

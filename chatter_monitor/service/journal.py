@@ -21,7 +21,7 @@ class _Lines(logging.Formatter):
     """One line for each record: with its priority for the journal, which knows the time; with the time for others."""
 
     def __init__(self, *, for_journal: bool) -> None:
-        super().__init__("%(message)s" if for_journal else "%(asctime)s %(levelname)-7s %(message)s", "%H:%M:%S")
+        super().__init__("%(message)s" if for_journal else "%(asctime)s %(levelname)s %(message)s", "%H:%M:%S")
         self._for_journal = for_journal
 
     def format(self, record: logging.LogRecord) -> str:

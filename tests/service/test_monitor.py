@@ -8,10 +8,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from chatter_monitor.acquisition.source import Source
+from chatter_monitor.acquisition.source import Condition, Source
 from chatter_monitor.config import Settings
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Block, Flag
+from chatter_monitor.records import Block, Flag, Health, Verdict
 from chatter_monitor.service.monitor import Monitor
 from tests.signals import RATE_HZ, vibration
 
@@ -117,3 +117,79 @@ def test_settings_reach_the_judges():
     list(Monitor(eager, source, [kept], **about).run())
     found = verdicts([msgspec.to_builtins(message) for message in kept.messages], 0)
     assert sum(v["state"] == "self_excited" for v in found) > 20
+
+
+class Moody(Source):
+    """Hears for a second, is deaf for 2.3 s, and hears again for 70 s."""
+
+    sample_rate_hz, channels, length = RATE_HZ, 1, None
+    clipped_samples, non_finite_samples = 0, 0
+
+    def __init__(self, clock):
+        self._clock = clock
+        self._hearing = True
+
+    def condition(self):
+        return Condition(hearing=self._hearing, problems=() if self._hearing else ("the plug is out",), overflows=3)
+
+    def blocks(self):
+        end = 0
+        for hearing, intervals in ((True, 20), (False, 46), (True, 1400)):
+            for _ in range(intervals):
+                self._hearing = hearing
+                samples = SIGNAL[:640, :1] if hearing else np.empty((0, 1))
+                lost = 0 if hearing else 640
+                self._clock["s"] += 1.0
+                yield Block(end + lost, samples, RATE_HZ, lost, arrived_s=self._clock["s"] - 0.004 if hearing else None)
+                end += 640
+
+    def close(self):
+        pass
+
+
+@pytest.fixture(scope="module")
+def moods():
+    clock, kept = {"s": 0.0}, Kept()
+    source = Moody(clock)
+    about = {"counts": source, "source_rate_hz": RATE_HZ, "session": "moody", "clock": lambda: clock["s"]}
+    list(Monitor(Settings(), source, [kept], **about).run())
+    return kept.messages
+
+
+def test_deafness_is_told_at_once_and_every_second(moods):
+    """Health comes every second of time, hearing or not, and when one becomes the other, with the source's reason."""
+    healths = [message for message in moods if isinstance(message, Health)]
+    assert [(round(h.t, 2), h.state) for h in healths[:7]] == [
+        (1.0, "hearing"),
+        (1.05, "not_hearing"),
+        (2.0, "not_hearing"),
+        (3.0, "not_hearing"),
+        (3.35, "hearing"),
+        (4.0, "hearing"),
+        (5.0, "hearing"),
+    ]
+    assert healths[2].reasons == ["the plug is out", "12800 samples lost"]
+    assert healths[2].overflows == 3
+
+
+def test_unknown_has_the_sources_reason(moods):
+    """While nothing is heard verdicts go on, unknown for the reason that the source gives."""
+    deaf = [m for m in moods if isinstance(m, Verdict) and m.t0 >= 1.0 and m.t1 <= 3.3]
+    assert len(deaf) == 46
+    assert all(verdict.state == "unknown" and "the plug is out" in verdict.reasons for verdict in deaf)
+
+
+def test_a_loss_is_news_for_a_minute(moods):
+    """The count of lost samples stays, the words do not."""
+    healths = [message for message in moods if isinstance(message, Health)]
+    lost = 46 * 640
+    assert {h.lost for h in healths if h.t > 3.3} == {lost}
+    assert {h.t < 63.3 for h in healths if h.reasons == [f"{lost} samples lost"]} == {True}
+    assert {h.t > 63.3 for h in healths if h.t > 3.3 and not h.reasons} == {True}
+
+
+def test_latency_counts_from_the_callback(moods):
+    """Latency is the time from the arrival of a block's last sample at the callback; what was not heard has none."""
+    healths = [message for message in moods if isinstance(message, Health)]
+    assert healths[0].latency_ms_p50 == pytest.approx(4.0)
+    assert healths[2].latency_ms_p99 is None

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 import soundfile
@@ -43,24 +44,26 @@ def monitor(server):
     """A daemon that hears the server's card, and has begun to."""
     with (
         tempfile.TemporaryDirectory(prefix="cm-") as directory,
-        Running(Path(directory), server.environment) as monitor,
+        Running(Path(directory), server.environment, "[input]\nchannels = [0, 1]\n") as monitor,
     ):
         monitor.until(hears)
         yield monitor
 
 
 def played(directory, samples):
-    """Both channels of a file that the card plays."""
+    """File of two channels that the card plays."""
     path = directory / "played.wav"
-    soundfile.write(path, np.stack([samples, samples], axis=1), RATE_HZ, subtype="FLOAT")
+    soundfile.write(path, samples, RATE_HZ, subtype="FLOAT")
     return path
 
 
 def test_the_daemon_hears_what_the_replay_reads(server, monitor, tmp_path):
-    """A recording played into the card gives the ODPs and verdicts of its replay, every sample and every interval."""
-    samples, _ = soundfile.read(
+    """Two recordings played into the card give the ODPs and verdicts of their replay, every sample and interval."""
+    chatter, _ = soundfile.read(
         REPLAY_DATA / "bar_turning.flac", start=round(5.5 * RATE_HZ), stop=round(16.5 * RATE_HZ)
     )
+    stable, _ = soundfile.read(REPLAY_DATA / "stable_turning.flac")
+    samples = np.stack([chatter, np.resize(stable, len(chatter))], axis=1)
     player = server.play(played(tmp_path, samples))
     event = monitor.until(lambda taken: taken.message.topic == "event").message.body
     player.wait()
@@ -70,32 +73,33 @@ def test_the_daemon_hears_what_the_replay_reads(server, monitor, tmp_path):
     # What the daemon heard stands in the recorded event, with its place on the daemon's index.
     about = msgspec.json.decode((monitor.events / event.id / f"{event.id}.json").read_bytes())
     heard, _ = soundfile.read(monitor.events / event.id / about["recording"])
-    (place,) = np.flatnonzero((np.lib.stride_tricks.sliding_window_view(samples, 64) == heard[:64]).all(axis=1))
+    (place,) = np.flatnonzero((np.lib.stride_tricks.sliding_window_view(chatter, 64) == heard[:64, 0]).all(axis=1))
     assert np.array_equal(heard, samples[place : place + len(heard)])
     begin = about["first_sample"] - place
     end = begin + len(samples)
 
     # The same samples at the same place of the index, replayed.
-    silence = np.zeros((last.message.header.sample0 - end) // INTERVAL * INTERVAL)
-    soundfile.write(
-        tmp_path / "heard.wav", np.concatenate([np.zeros(begin), samples, silence]), RATE_HZ, subtype="FLOAT"
-    )
+    silence = last.message.header.sample0 - end
+    around = np.pad(samples, ((begin, silence), (0, 0)))
+    soundfile.write(tmp_path / "heard.wav", around, RATE_HZ, subtype="FLOAT")
     outcome = replay(tmp_path / "heard.wav", tmp_path, odp_table=tmp_path / "odp.parquet")
     table = pq.read_table(tmp_path / "odp.parquet")
     first = -(-begin // INTERVAL) * INTERVAL  # of the first interval that is all sound
-    frames = {frame.first_sample: frame for frame in monitor.frames()}
-    for sample in range(first, end - INTERVAL, INTERVAL):
-        rows = table.slice(sample, INTERVAL)
-        assert rows["sample"][0].as_py() == sample
-        for mode in (0, 1):
-            for name in ("frequency_hz", "damping_ratio"):
-                replayed = rows[f"{name}_{mode}"].to_numpy()
-                assert np.array_equal(getattr(frames[sample], name)[:, mode], replayed, equal_nan=True), (sample, name)
-    live = {verdict.sample0: parse(encode(verdict).decode()) for verdict in monitor.verdicts()}
-    replayed = {verdict["sample0"]: verdict for verdict in outcome.of("verdict")}
-    compared = [(live[s], replayed[s]) for s in range(first, end - INTERVAL, INTERVAL)]
-    assert [one for one, _ in compared] == [other for _, other in compared]
-    assert {"stable", "approaching", "self_excited"} <= {one["state"] for one, _ in compared}
+    frames = {(frame.channel, frame.first_sample): frame for frame in monitor.frames()}
+    for channel in (0, 1):
+        rows = table.filter(pc.field("channel") == channel)
+        for sample in range(first, end - INTERVAL, INTERVAL):
+            interval = rows.slice(sample, INTERVAL)
+            assert interval["sample"][0].as_py() == sample
+            for column in ("frequency_hz", "damping_ratio"):
+                live = getattr(frames[channel, sample], column)
+                replayed = [interval[f"{column}_{mode}"].to_numpy() for mode in range(live.shape[1])]
+                assert np.array_equal(live, np.stack(replayed, axis=1), equal_nan=True), (channel, sample, column)
+    live = [parse(encode(v).decode()) for v in monitor.verdicts() if first <= v.sample0 < end - INTERVAL]
+    replayed = [v for v in outcome.of("verdict") if first <= v["sample0"] < end - INTERVAL]
+    for channel in (0, 1):
+        assert [v for v in live if v["channel"] == channel] == [v for v in replayed if v["channel"] == channel]
+    assert {"stable", "approaching", "self_excited"} <= {v["state"] for v in live if v["channel"] == 0}
     (replayed_event,) = outcome.of("event")
     assert (event.onset_s, event.end_s) == (replayed_event["onset_s"], replayed_event["end_s"])
 
@@ -103,7 +107,8 @@ def test_the_daemon_hears_what_the_replay_reads(server, monitor, tmp_path):
 @pytest.mark.parametrize("how", ["frozen", "killed"])
 def test_losing_the_sound_server(server, monitor, tmp_path, how):
     """Frozen for 5 s or killed: noticed within 1 s, unknown with the reason, heard again within 2 s, loss counted."""
-    noise = played(tmp_path, 0.1 * vibration(60 * RATE_HZ, [(400, 0.03)]))
+    cut = 0.1 * vibration(60 * RATE_HZ, [(400, 0.03)])
+    noise = played(tmp_path, np.stack([cut, cut], axis=1))
     server.play(noise)
     began = monitor.until(known)
     time.sleep(2.0)  # of undisturbed operation
@@ -141,7 +146,7 @@ def test_losing_the_sound_server(server, monitor, tmp_path, how):
     expected = "frozen" if how == "frozen" else "no sound device"
     assert all(t.message.body.state == "not_hearing" for t in deaf_healths)
     assert any(expected in reason for reason in deaf_healths[-1].message.body.reasons)
-    verdicts = monitor.verdicts()
+    verdicts = [verdict for verdict in monitor.verdicts() if verdict.channel == 0]
     assert all(one.sample1 == other.sample0 for one, other in pairwise(verdicts))
     quiet = [v for v in verdicts if noticed.message.body.t <= v.t0 and v.t1 <= deaf_healths[-1].message.body.t]
     assert len(quiet) >= 60

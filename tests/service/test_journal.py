@@ -1,0 +1,99 @@
+"""What stands in the journal."""
+
+from __future__ import annotations
+
+import logging
+import os
+
+import msgspec
+import pytest
+
+from chatter_monitor.records import Event, Health, Verdict
+from chatter_monitor.service.journal import Story, journal
+
+LOG = logging.getLogger("chatter_monitor.test")
+HEALTH = Health(
+    t=1.0, state="hearing", samples_in=0, lost=0, overflows=0, clipped=0, non_finite=0, publications_dropped=0,
+    ring_fill=0.0, latency_ms_p50=None, latency_ms_p99=None,
+)  # fmt: skip
+VERDICT = Verdict(channel=0, t0=0.0, t1=0.05, sample0=0, sample1=640, state="stable")
+
+
+def written(environment_of):
+    """What is written to a pipe that stands for standard error."""
+    read, write = os.pipe()
+    with journal(environment_of(os.fstat(write)), write):
+        LOG.info("hearing\n%s", "well")
+        LOG.warning("trouble")
+        LOG.error("worse")
+    os.close(write)
+    with os.fdopen(read) as pipe:
+        return pipe.read().splitlines()
+
+
+def test_lines_for_the_journal():
+    """Where standard error is the journal's stream, each record is one line with its priority, without a time."""
+    assert written(lambda status: {"JOURNAL_STREAM": f"{status.st_dev}:{status.st_ino}"}) == [
+        "<6>hearing well",
+        "<4>trouble",
+        "<3>worse",
+    ]
+
+
+@pytest.mark.parametrize("stream", [{}, {"JOURNAL_STREAM": "8:12345"}])
+def test_lines_for_a_person(stream):
+    """Elsewhere, also where the journal's stream has been redirected, each line has time and level."""
+    lines = written(lambda _: stream)
+    assert [line[9:] for line in lines] == ["INFO hearing well", "WARNING trouble", "ERROR worse"]
+
+
+def told(caplog, *messages):
+    story = Story()
+    with caplog.at_level(logging.INFO, "chatter_monitor"):
+        for message in messages:
+            story.message(message)
+    return [record.getMessage() for record in caplog.records]
+
+
+def test_a_problem_is_told_once(caplog):
+    """A reason whose numbers grow is told when it comes and when it is over, and so is another one."""
+
+    def deaf(*reasons):
+        return msgspec.structs.replace(HEALTH, state="not_hearing", reasons=list(reasons))
+
+    assert told(
+        caplog,
+        HEALTH,
+        deaf("nothing heard for 0.6 s: frozen"),
+        deaf("nothing heard for 1.6 s: frozen", "10 samples lost"),
+        deaf("nothing heard for 2.6 s: gone", "20 samples lost"),
+        msgspec.structs.replace(HEALTH, reasons=["30 samples lost", "mark at 3.00 s: tool 5"]),
+        HEALTH,
+    ) == [
+        "nothing heard for 0.6 s: frozen",
+        "10 samples lost",
+        "nothing heard for 2.6 s: gone",
+        "mark at 3.00 s: tool 5",
+        "over: nothing heard for 2.6 s: gone",
+        "over: 10 samples lost",
+    ]
+
+
+def test_chatter_is_told_when_it_begins_and_ends(caplog):
+    """An alarm is told once, with its reasons, a moment of deafness in it or not; its end with what it came to."""
+    alarm = msgspec.structs.replace(VERDICT, state="self_excited", reasons=["damping 0.11 % at 898 Hz"])
+    deaf = msgspec.structs.replace(VERDICT, state="unknown")
+    event = Event(
+        id="a-0-0001",
+        channel=0,
+        kind="chatter",
+        onset_s=1.0,
+        end_s=2.5,
+        peak_frequency_hz=898.0,
+        min_damping_ratio=1e-3,
+    )
+    assert told(caplog, VERDICT, alarm, alarm, deaf, alarm, event, VERDICT, alarm) == [
+        "channel 0: CHATTER: damping 0.11 % at 898 Hz",
+        "channel 0: chatter is over after 1.50 s, event a-0-0001: 898 Hz, least damping 0.10 %",
+        "channel 0: CHATTER: damping 0.11 % at 898 Hz",
+    ]
