@@ -14,20 +14,28 @@ from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
 # Priorities of syslog(3), which journald reads from the start of a line.
 PRIORITIES = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
 
+CLEAR_LINE = "\r\x1b[2K"
+
 _log = logging.getLogger(__name__)
 
 
 class _Lines(logging.Formatter):
-    """One line for each record: with its priority for the journal, which knows the time; with the time for others."""
+    """One line for each record: with its priority for the journal, which knows the time; with the time for others.
 
-    def __init__(self, *, for_journal: bool) -> None:
+    On a terminal it takes the place of the status line, which comes again below it.
+    """
+
+    def __init__(self, *, for_journal: bool, on_terminal: bool) -> None:
         super().__init__("%(message)s" if for_journal else "%(asctime)s %(levelname)s %(message)s", "%H:%M:%S")
         self._for_journal = for_journal
+        self._on_terminal = on_terminal
 
     def format(self, record: logging.LogRecord) -> str:
         """Text of the line."""
         text = " ".join(super().format(record).split())
-        return f"<{PRIORITIES.get(record.levelno, 6)}>{text}" if self._for_journal else text
+        if self._for_journal:
+            return f"<{PRIORITIES.get(record.levelno, 6)}>{text}"
+        return f"{CLEAR_LINE}{text}" if self._on_terminal else text
 
 
 @contextmanager
@@ -41,7 +49,7 @@ def journal(environment: Mapping[str, str], descriptor: int = 2) -> Iterator[Non
     logger = logging.getLogger("chatter_monitor")
     with os.fdopen(os.dup(descriptor), "w", encoding="utf-8", errors="backslashreplace") as stream:
         handler = logging.StreamHandler(stream)
-        handler.setFormatter(_Lines(for_journal=for_journal))
+        handler.setFormatter(_Lines(for_journal=for_journal, on_terminal=os.isatty(descriptor)))
         level = logger.level
         logger.addHandler(handler)
         logger.setLevel(logging.INFO)
@@ -100,6 +108,8 @@ class Story(Outlet):
             if reason.startswith("mark at"):
                 _log.info("%s", reason)
                 continue
+            if health.state != "hearing" and reason.endswith("samples lost"):
+                continue  # of course; how many is told when it is over
             problem = re.sub(r"\d[\d.]*", "#", reason)  # numbers in it grow, and that is no news
             self._problems[problem] = known.get(problem, reason)
             if problem not in known:

@@ -52,8 +52,9 @@ class Status(Outlet):
         reasons = "; ".join(health.reasons)
         if health.state == "not_hearing":
             return f"NOT HEARING: {reasons}."
-        verdicts = "; ".join(_words(verdict) for _, verdict in sorted(self._verdicts.items()))
-        return f"Hearing {self._device()}. {verdicts}." + (f" Beware: {reasons}." if reasons else "")
+        heard = "; ".join(_words(verdict) for _, verdict in sorted(self._verdicts.items()))
+        parts = [f"Hearing {self._device()}", heard, f"Beware: {reasons}" if reasons else ""]
+        return " ".join(f"{part}." for part in parts if part)
 
     def line(self) -> Text:
         """The sentence in the colour of its worst news."""

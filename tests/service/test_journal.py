@@ -47,6 +47,18 @@ def test_lines_for_a_person(stream):
     assert [line[9:] for line in lines] == ["INFO hearing well", "WARNING trouble", "ERROR worse"]
 
 
+def test_lines_on_a_terminal():
+    """On a terminal a line first clears what the status line has written."""
+    master, slave = os.openpty()
+    with journal({}, slave):
+        LOG.info("hearing")
+    text = os.read(master, 4096).decode()
+    os.close(master)
+    os.close(slave)
+    assert text.startswith("\r\x1b[2K")
+    assert text.endswith("INFO hearing\r\n")
+
+
 def told(caplog, *messages):
     story = Story()
     with caplog.at_level(logging.INFO, "chatter_monitor"):
@@ -71,11 +83,11 @@ def test_a_problem_is_told_once(caplog):
         HEALTH,
     ) == [
         "nothing heard for 0.6 s: frozen",
-        "10 samples lost",
         "nothing heard for 2.6 s: gone",
+        "30 samples lost",
         "mark at 3.00 s: tool 5",
         "over: nothing heard for 2.6 s: gone",
-        "over: 10 samples lost",
+        "over: 30 samples lost",
     ]
 
 

@@ -23,6 +23,7 @@ def status(*messages):
 def test_the_sentence():
     """It says whether the monitor hears and what, or why it does not; the newest message of each channel counts."""
     assert status().sentence() == "Waiting for 'mic' at 48 kHz."
+    assert status(HEALTH).sentence() == "Hearing 'mic' at 48 kHz."
     other = msgspec.structs.replace(VERDICT, channel=1)
     assert status(other, VERDICT, HEALTH, LINE).sentence() == (
         "Hearing 'mic' at 48 kHz. channel 0: CHATTER, 898 Hz, damping 0.11 %; channel 1: stable."

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import logging
+import subprocess
+import sys
 import tempfile
 import time
 from itertools import pairwise
@@ -167,3 +170,44 @@ def before_lost_s(health, monitor):
         t.message.body for t in monitor.taken if isinstance(t.message.body, Health) and t.message.body.t < health.t
     ]
     return (health.lost - earlier[-1].lost) / RATE_HZ
+
+
+def command(server, *arguments):
+    """Run a command to its end where the server's card is the default device."""
+    return subprocess.run(
+        [sys.executable, "-m", "chatter_monitor", *map(str, arguments)],
+        env=server.environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+def test_a_newcomer_is_told_what_can_be_heard(server, tmp_path):
+    """`devices` lists the card, its rates, and what the configuration chooses; `doctor` tells silence from a tone."""
+    config = tmp_path / "machine.toml"
+    config.write_text(
+        f'[publish]\nbind = "ipc://{tmp_path}/published"\n'
+        f'[recorder]\ndirectory = "{tmp_path}/events"\nquota_gb = 0.01\n'
+    )
+    found = json.loads(command(server, "devices", "--json", "--config", config).stdout)
+    (chosen,) = [device for device in found["devices"] if device["chosen"]]
+    assert chosen["name"] == "default"
+    assert chosen["sample_rates_hz"] == [12_800.0, 48_000.0, 51_200.0, 44_100.0]
+    assert found["chosen_sample_rate_hz"] == 12_800.0
+
+    silent = command(server, "doctor", "--config", config)
+    assert silent.returncode == 3
+    (wrong,) = [line for line in silent.stdout.splitlines() if line.startswith("WRONG")]
+    assert "nothing changes on channel 0" in wrong
+    tone = 0.1 * np.sin(np.arange(30 * RATE_HZ) * 0.2)
+    server.play(played(tmp_path, np.stack([tone, tone], axis=1)))
+    heard = command(server, "doctor", "--config", config)
+    assert heard.returncode == 0, heard.stdout
+    assert "'default' at 12.8 kHz hears -23 dBFS" in heard.stdout
+
+    server.kill()
+    gone = command(server, "devices", "--config", config)
+    assert gone.returncode == 3
+    assert gone.stdout.startswith("The configuration chooses none: there is no sound device")
