@@ -40,6 +40,17 @@ class Lines:
     frequency_hz: NDArray[np.float64]
     tolerance_hz: NDArray[np.float64]
 
+    def on(self, fundamental_hz: float) -> NDArray[np.bool_]:
+        """Which lines are on multiples of a frequency."""
+        order = np.round(self.frequency_hz / fundamental_hz)
+        near = np.abs(self.frequency_hz - order * fundamental_hz) <= self.tolerance_hz
+        result: NDArray[np.bool_] = near & (order >= 1)
+        return result
+
+    def orders(self, fundamental_hz: float) -> NDArray[np.int64]:
+        """Orders of the lines on multiples of a frequency, ascending."""
+        return np.unique(np.round(self.frequency_hz[self.on(fundamental_hz)] / fundamental_hz).astype(np.int64))
+
 
 @dataclass(frozen=True, slots=True)
 class Target:
@@ -152,10 +163,8 @@ def _best_comb(lines: Lines, target: Target) -> Comb | None:
     gains = gains[:made] - _choices(len(frequency) - 1, hits[:made] - 1) - math.log(max(1, made))
     promising = np.flatnonzero(gains > ENOUGH)
     for i in promising[np.argsort(-gains[promising], kind="stable")]:
-        order = np.round(frequency / candidates[i]).astype(np.int64)
-        on = (np.abs(frequency - order * candidates[i]) <= lines.tolerance_hz) & (order >= 1)
-        if target.stands(np.unique(order[on]), candidates[i]):
-            return _fit(lines, on, candidates[i], float(gains[i]))
+        if target.stands(lines.orders(candidates[i]), candidates[i]):
+            return _fit(lines, candidates[i], float(gains[i]))
     return None
 
 
@@ -205,8 +214,9 @@ def _choices(n: int, k: NDArray[np.int64]) -> NDArray[np.float64]:
     return result
 
 
-def _fit(lines: Lines, on: NDArray[np.bool_], fundamental_hz: float, evidence: float) -> Comb:
+def _fit(lines: Lines, fundamental_hz: float, evidence: float) -> Comb:
     """Least squares over the comb's lines."""
+    on = lines.on(fundamental_hz)
     frequency, weight = lines.frequency_hz[on], lines.tolerance_hz[on] ** -2.0
     order = np.round(frequency / fundamental_hz)
     information = float(np.sum(weight * order * order))

@@ -7,12 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.tracking.comb import Comb, Spectrum, Target, find_comb
+from chatter_monitor.tracking.comb import Lines, Spectrum, Target, find_comb
 from chatter_monitor.tracking.harmonics import Harmonics
 
 # Doubt about a speed that was averaged over the search window: it wanders.
 START_SD = 0.002
-SAME_SPEED = 0.002  # relative distance within which a comb is still the same
 CHECK_FRAMES = 5  # from one look at whether it still is a comb to the next
 
 
@@ -100,16 +99,16 @@ class CombFollower:
         if self._doubtful_frames > self._patience or not self._target.admits(harmonics.rotation_hz):
             self.harmonics = None
 
-    def _comb(self, past: NDArray[np.float64], target: Target) -> Comb | None:
+    def _lines(self, past: NDArray[np.float64]) -> Lines:
         if len(past) not in self._spectra:  # there are two lengths, all of the past and half of it
             self._spectra[len(past)] = Spectrum(past.size, self._rate_hz, self._lowest_hz)
-        return find_comb(self._spectra[len(past)].lines(past.ravel()), target)
+        return self._spectra[len(past)].lines(past.ravel())
 
     def _search(self) -> bool:
         """Look through the past for a comb, and follow it from there to now."""
         last = np.arange(self._frames - self._heard + 1, self._frames + 1) % len(self._past)
         past = self._past[last]
-        comb = self._comb(past, self._target)
+        comb = find_comb(self._lines(past), self._target)
         if comb is None:
             return False
         sd_hz = max(comb.fundamental_sd_hz, START_SD * comb.fundamental_hz)
@@ -119,14 +118,11 @@ class CombFollower:
         for samples in past:
             harmonics.subtract(samples, np.empty(len(samples)))
             harmonics.learn()
+        # A self-excited vibration that crosses an order takes the harmonics along, away from where the other lines are.
         now_hz = harmonics.rotation_hz
-        if not self._target.stands(harmonics.clear(), now_hz):
+        on_lines = self._lines(past[len(past) // 2 :]).orders(now_hz)
+        if not (self._target.stands(harmonics.clear(), now_hz) and self._target.stands(on_lines, now_hz)):
             return False
-        if self._target.teeth is None:
-            # A self-excited vibration may cross an order and take the harmonics along: they are no comb by now.
-            near = Target((1.0 - SAME_SPEED) * now_hz, (1.0 + SAME_SPEED) * now_hz)
-            if self._comb(past[len(past) // 2 :], near) is None:
-                return False
         self.harmonics = harmonics
         self._doubtful_frames = 0
         return True
