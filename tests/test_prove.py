@@ -1,0 +1,226 @@
+"""The proof: key, score, resumption, page."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from chatter_monitor.discrepancy.prove.key import open_key, seal
+from chatter_monitor.discrepancy.prove.page import lines, page
+from chatter_monitor.discrepancy.prove.scoring import count, judge, overlap, strength_bin
+from chatter_monitor.discrepancy.report import Estimate, Finding, Located, Statistic
+from chatter_monitor.errors import InputError
+from chatter_monitor.service.proving import Proving
+from tests.proving_engine import fails, report, says_nothing
+
+
+def truth(kind="cubic hardening", family="catalogue", verdict="missing_physics", names=("cubic_stiffness",), **rest):
+    return {
+        "kind": kind,
+        "family": family,
+        "verdict": verdict,
+        "names": list(names),
+        "sense": None,
+        "parameters": {},
+        "strength": 0.03,
+        "seconds": 20.0,
+        "quantity": "velocity",
+        "concealed": True,
+        "time_s": [],
+        **rest,
+    }
+
+
+NOTHING = truth("nothing", "linear", "none", ())
+OUTSIDE = truth("stiffness notch", "outside", "unknown", ())
+
+
+def finding(name, sense=None, **parameters):
+    estimates = {key: Estimate(value, (value - 0.1, value + 0.1), "1") for key, value in parameters.items()}
+    return Finding(name, sense, estimates, 20.0, 1e-4, "")
+
+
+def named(*names):
+    return report("missing_physics", [finding(name) for name in names], gain_nats=20.0)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "answer", "outcome"),
+    [
+        (truth(), named("cubic_stiffness"), "right"),
+        (truth(), named("clearance"), "wrong"),
+        (truth(), named("cubic_stiffness", "clearance"), "wrong"),
+        (truth(), report("unknown"), "abstained"),
+        (truth(), report("none"), "missed"),
+        (truth(), report("parameters"), "missed"),
+        (NOTHING, report("none"), "right"),
+        (NOTHING, report("parameters"), "wrong"),
+        (NOTHING, named("clearance"), "wrong"),
+        (NOTHING, report("unknown"), "wrong"),
+        (OUTSIDE, report("unknown"), "right"),
+        (OUTSIDE, named("clearance"), "wrong"),
+        (OUTSIDE, report("none"), "missed"),
+        (OUTSIDE, None, "failed"),
+    ],
+)
+def test_outcomes(hidden, answer, outcome):
+    """An answer is right only if it is exactly what was hidden; `unknown` and silence are told from a wrong name."""
+    assert judge("0001", hidden, answer).outcome == outcome
+
+
+def test_parameters_and_sense_of_a_right_name():
+    """Where the right name leads, its sense and intervals are compared with the truth; elsewhere they mean nothing."""
+    hidden = truth(sense="hardening", parameters={"coefficient": 1.0})
+    hit = judge("1", hidden, report("missing_physics", [finding("cubic_stiffness", "hardening", coefficient=1.05)]))
+    off = judge("2", hidden, report("missing_physics", [finding("cubic_stiffness", "softening", coefficient=-1.0)]))
+    other = judge("3", hidden, report("missing_physics", [finding("clearance", coefficient=1.0)]))
+    assert (hit.sense_right, hit.inside, hit.ratios) == (True, {"coefficient": True}, {"coefficient": 1.05})
+    assert (off.sense_right, off.inside) == (False, {"coefficient": False})
+    assert (other.sense_right, other.inside, other.leads) == (None, {}, False)
+
+
+def test_overlap_of_stretches():
+    """Overlap is intersection over union, so a stretch found too long counts as little as one found too short."""
+    assert overlap([(4.0, 8.0)], [(4.0, 8.0)]) == 1.0
+    assert overlap([(0.0, 8.0)], [(4.0, 8.0)]) == 0.5
+    assert overlap([(4.0, 6.0)], [(4.0, 8.0)]) == 0.5
+    assert overlap([(4.0, 5.0), (7.0, 10.0)], [(4.0, 8.0)]) == pytest.approx(2.0 / 6.0)
+    assert overlap([], [(4.0, 8.0)]) == 0.0
+
+
+def test_what_is_counted():
+    """Shares are of the cases that they speak about, with Wilson's interval; nothing is divided by nothing."""
+    judged = [
+        judge("1", truth(), named("cubic_stiffness"), true_gain_nats=25.0),
+        judge("2", truth(concealed=False, strength=0.015), report("none"), true_gain_nats=4.0),
+        judge("3", NOTHING, report("parameters")),
+        judge("4", NOTHING, report("unknown")),
+        judge("5", OUTSIDE, named("clearance")),
+    ]
+    score = count(judged)
+    assert (score.rates["effects named"].hits, score.rates["effects named"].of) == (1, 2)
+    assert score.rates["effects named where the true model gains 10 nats"].share == 1.0
+    assert score.rates["effects named, concealed cases"].share == 1.0
+    assert score.rates["none and parameters with a finding"].hits == 1
+    assert score.rates["outside the catalogue answered unknown"].share == 0.0
+    assert score.rates["faults named"].share is None
+    assert score.rates["effects named"].ci95 == pytest.approx((0.0945, 0.9055), abs=1e-3)  # Wilson (1927), 1 of 2
+    assert score.confusion == {
+        "cubic_stiffness": {"cubic_stiffness": 1, "none": 1},
+        "none": {"parameters": 1, "unknown": 1},
+        "unknown": {"clearance": 1},
+    }
+    assert score.by_kind["cubic hardening"] == {"2-5 %": {"right": 1}, "0-2 %": {"missed": 1}}
+    assert score.gain_share["median"] == pytest.approx(0.8)
+    assert [strength_bin(s) for s in (None, 0.01, 0.02, 0.07)] == ["-", "0-2 %", "2-5 %", "over 5 %"]
+
+
+def test_uniformity_of_p_values_is_tested():
+    """p-values of linear cases that are not uniform show as such, map by map."""
+    judged = [
+        judge(
+            str(i),
+            NOTHING,
+            report(located=Located(maps=[Statistic("time", 0.0, (i + 0.5) / 40), Statistic("lag", 0.0, i / 400)])),
+        )
+        for i in range(40)
+    ]
+    uniform = count(judged).p_uniform
+    assert uniform["time"] > 0.99
+    assert uniform["lag"] < 1e-6
+
+
+def test_the_seal(tmp_path):
+    """A key or a recording that was changed after the sealing is refused with what was promised."""
+    cases, key, published = tmp_path / "cases", tmp_path / "key.json", tmp_path / "key.sha256"
+    (cases / "0001").mkdir(parents=True)
+    (cases / "0001" / "recording.wav").write_bytes(b"sound")
+    value = seal({"0001": NOTHING}, cases, key, published)
+    assert re.fullmatch("[0-9a-f]{64}", value)
+    assert published.read_text() == f"{value}  key.json\n"  # as sha256sum -c reads it
+    assert open_key(key, published, cases)["0001"]["kind"] == "nothing"
+    (cases / "0001" / "recording.wav").write_bytes(b"other")
+    with pytest.raises(InputError, match=r"recording\.wav is not the one that was sealed"):
+        open_key(key, published, cases)
+    (cases / "0001" / "recording.wav").write_bytes(b"sound")
+    key.write_text(key.read_text().replace("nothing", "anything"))
+    with pytest.raises(InputError, match=value):
+        open_key(key, published, cases)
+
+
+@pytest.fixture(scope="module")
+def proof(tmp_path_factory):
+    """A proof of two cases, a long one and a short one, by an engine that always says `none`."""
+    said: list[str] = []
+    proving = Proving(tmp_path_factory.mktemp("proof"), 2, 13, says_nothing)
+    return proving, proving.run(said.append), said
+
+
+def test_the_engine_sees_recording_and_model_only(proof):
+    """Beside the recording lies the base model and nothing else, and the model names no term."""
+    proving, _, _ = proof
+    for name in ("0001", "0002"):
+        seen = (proving.out / "diagnoses" / name / "seen.txt").read_text().split("\n")
+        assert seen[0] == "model.toml"
+        assert seen[1] in ("recording.wav", "recording.flac")
+        assert set(seen[2:]) <= {"sensor", "mode", "excitation", "spindle"}
+
+
+def test_the_hash_is_said_before_the_score(proof):
+    """The hash on the terminal is that of the key on disk, and every case has been judged."""
+    proving, result, said = proof
+    assert result.key_sha256 in said[0]
+    assert result.key_sha256 == proving._published.read_text().split()[0]
+    assert len(result.judged) == 2
+    assert {j.answer for j in result.judged} == {"none"}
+    written = json.loads((proving.out / "proof.json").read_text())
+    assert written["key_sha256"] == result.key_sha256
+
+
+def test_a_finished_case_is_not_done_again(proof):
+    """Run again, a proof keeps its cases and reports and does only what is missing."""
+    proving, result, _ = proof
+    kept = proving.out / "diagnoses" / "0001" / "report.json"
+    before = kept.stat().st_mtime_ns
+    (proving.out / "diagnoses" / "0002" / "report.json").unlink()
+    again = proving.run(lambda _: None)
+    assert kept.stat().st_mtime_ns == before
+    assert again.judged == result.judged
+    with pytest.raises(InputError, match="holds another proof"):
+        Proving(proving.out, 2, 14, says_nothing).run(lambda _: None)
+
+
+def test_an_engine_that_fails(proof, tmp_path):
+    """A diagnosis that raises counts as failed, keeps its traceback, and stops nobody else."""
+    proving, _, _ = proof
+    (tmp_path / "cases").symlink_to(proving.out / "cases")
+    for name in ("draw.json", "key.json", "key.sha256"):
+        (tmp_path / name).write_bytes((proving.out / name).read_bytes())
+    result = Proving(tmp_path, 2, 13, fails).run(lambda _: None)
+    for j in result.judged:
+        assert j.answer == ("failed" if j.seconds < 10.0 else "unknown")
+        if j.seconds < 10.0:
+            assert "too short for me" in (tmp_path / "diagnoses" / j.case / "error.txt").read_text()
+    assert {j.answer for j in result.judged} == {"failed", "unknown"}
+
+
+def test_the_page_holds_everything(proof):
+    """The page is self-contained: every picture is in it, every case linked, the hash shown."""
+    _, result, _ = proof
+    hit = report("missing_physics", [finding("cubic_stiffness", coefficient=1.05)])
+    judged = [
+        *result.judged,
+        judge("0004", truth(parameters={"coefficient": 1.0}), hit),
+        judge("0005", NOTHING, report()),
+    ]
+    text = page(judged, count(judged), result.key_sha256, 13)
+    assert result.key_sha256 in text
+    assert text.count("data:image/png;base64,") == 3
+    assert not re.search(r'src="(?!data:)', text)
+    for j in judged:
+        assert f"diagnoses/{j.case}/report.html" in text
+    printed = "\n".join(lines(count(judged)))
+    assert "effects named" in printed
+    assert re.search(r"cubic_stiffness +.*cubic_stiffness 1", printed)
