@@ -13,7 +13,9 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks.verdict.cache import cached_cuts
+from benchmarks.verdict.curves import detectors
 from benchmarks.verdict.monitor import listen
+from benchmarks.verdict.pictures import draw_curves, draw_reliability, draw_worst
 from benchmarks.verdict.report import as_results, show
 from benchmarks.verdict.scoring import Heard
 
@@ -35,13 +37,20 @@ def main() -> None:
     for cut in track(made, total=chosen.cuts, description="cuts", console=Console(stderr=True)):
         for k, opinions in zip(known, heard.values(), strict=True):
             opinions.append(Heard(cut, listen(cut, speed_known=k)))
-    results = {name: as_results(list_of) for name, list_of in heard.items()}
+    found = {name: detectors(list_of, speed_known=k) for k, (name, list_of) in zip(known, heard.items(), strict=True)}
+    results = {name: as_results(list_of, found[name]) for name, list_of in heard.items()}
     for name, result in results.items():
         show(console, name, result)
     if chosen.out is not None:
         chosen.out.mkdir(parents=True, exist_ok=True)
         document = {"split": chosen.split, "cuts": chosen.cuts, "results": results}
         (chosen.out / "results.json").write_text(json.dumps(document, indent=1))
+        for name, list_of in heard.items():
+            stem = name.replace(" ", "_")
+            draw_curves(name, found[name], list_of, chosen.out / f"curves_{stem}.png")
+            draw_reliability(name, results[name]["reliability"], chosen.out / f"reliability_{stem}.png")
+            draw_worst(name, list_of, chosen.out / f"worst_{stem}.png")
+        console.print(f"Results and pictures: {chosen.out}")
 
 
 if __name__ == "__main__":

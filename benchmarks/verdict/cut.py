@@ -65,7 +65,7 @@ class Truth:
     kappa, kappa_critical : ndarray
         Process stiffness over that of the first mode, and its value at the limit of stability at the present speed.
     synchronous_share : ndarray
-        Share of the power that the same cut has without anything random in it.
+        Power of the same cut without anything random in it, and never deeper than 80 % of the limit, over its power.
     limited : ndarray
         Part of the time in which the tool is out of the cut or its flank rubs.
     vibration_rms : ndarray

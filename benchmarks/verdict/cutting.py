@@ -99,12 +99,15 @@ class Motion:
         The quantity that the sensor measures, from the modes.
     force : ndarray
         F.
+    into : ndarray
+        -x', velocity of the tool into the workpiece.
     limited : ndarray of bool
         Steps in which the tool is out of the cut or the flank rubs: what keeps a vibration from growing further.
     """
 
     seen: NDArray[np.float64]
     force: NDArray[np.float64]
+    into: NDArray[np.float64]
     limited: NDArray[np.bool_]
 
 
@@ -119,7 +122,7 @@ def vibration(modes: tuple[Mode, ...], drive: Drive, rate_hz: float, sensor: Sen
     for i, mode in enumerate(modes):
         transition[i], before[i], after[i] = _discretised(mode, 1.0 / rate_hz)
     table = np.array([(m.omega**2, 2 * m.damping_ratio * m.omega, m.compliance, m.heard) for m in modes])
-    motion = Motion(*np.empty((2, drive.stiffness.size)), np.empty(drive.stiffness.size, np.bool_))
+    motion = Motion(*np.empty((3, drive.stiffness.size)), np.empty(drive.stiffness.size, np.bool_))
     _integrate(
         transition,
         before,
@@ -134,6 +137,7 @@ def vibration(modes: tuple[Mode, ...], drive: Drive, rate_hz: float, sensor: Sen
         SENSORS.index(sensor),
         motion.seen,
         motion.force,
+        motion.into,
         motion.limited,
     )
     return motion
@@ -165,6 +169,7 @@ def _integrate(  # type: ignore[no-untyped-def]
     sensor,
     seen,
     forces,
+    velocities,
     limited,
 ):
     modes = table.shape[0]
@@ -224,3 +229,4 @@ def _integrate(  # type: ignore[no-untyped-def]
         surface[k % longest] = min(earlier + feed[k], x - run_out[k])
         seen[k] = heard
         forces[k] = force
+        velocities[k] = into

@@ -42,12 +42,13 @@ def _plain(rng: np.random.Generator, teeth: int | None = None, longest_delay: fl
     rpm = _log_uniform(rng, slowest, fastest)
     depth = float(rng.uniform(0.0, 0.7 if teeth > 1 else 0.2))
     sensor = SENSORS[int(rng.integers(3))]
+    duration_s = float(rng.uniform(8.0, 14.0))
     return Recipe(
         modes=tuple(modes),
         rpm=Path.constant(rpm),
         teeth=teeth,
         depth=Path.constant(float(rng.uniform(0.2, 0.7))),
-        feed=Path.constant(1.0),
+        feed=_feed(rng, duration_s),
         engagement=Engagement(
             depth, float(rng.uniform(0.4, 0.8)), float(rng.uniform(0.03, 0.15)), float(rng.uniform(0.0, 0.3)) * depth
         ),
@@ -56,13 +57,21 @@ def _plain(rng: np.random.Generator, teeth: int | None = None, longest_delay: fl
         slow_share=float(rng.uniform(0.1, 0.5)),
         depth_wander=float(rng.uniform(0.0, 0.08)),
         feed_wander=_log_uniform(rng, 0.01, 0.4),
-        clearance=_log_uniform(rng, 0.1, 1.5),
+        clearance=_log_uniform(rng, 0.03, 0.6),
         direct=10 ** float(rng.uniform(-1.5, -0.5) if sensor == "displacement" else rng.uniform(-1.0, 0.3)),
         direct_decay_s=_log_uniform(rng, 0.001, 0.015),
         sensor=sensor,
         snr_db=float(rng.uniform(10.0, 35.0)),
-        duration_s=float(rng.uniform(8.0, 14.0)),
+        duration_s=duration_s,
     )
+
+
+def _feed(rng: np.random.Generator, duration_s: float) -> Path:
+    """Return a feed that somebody turns up or down in half of the cuts: louder is not chatter."""
+    if rng.random() < 0.5:
+        return Path.constant(1.0)
+    begin = float(rng.uniform(0.5, duration_s - 1.0))
+    return Path((begin, begin + _log_uniform(rng, 0.02, 3.0)), (1.0, _log_uniform(rng, 0.4, 2.5)))
 
 
 def ramp(rng: np.random.Generator) -> Recipe:
@@ -213,7 +222,7 @@ def hum(rng: np.random.Generator) -> Recipe:
 
 def stable(rng: np.random.Generator) -> Recipe:
     """Steady at 20-90 % of the limit: what the margin is measured on."""
-    return replace(_plain(rng), depth=Path.constant(float(rng.uniform(0.2, 0.9))), depth_wander=0.01)
+    return replace(_plain(rng), depth=Path.constant(float(rng.uniform(0.2, 0.9))), depth_wander=0.01, clearance=1.0)
 
 
 FAMILIES: dict[str, Draw] = {

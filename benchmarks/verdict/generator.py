@@ -29,6 +29,7 @@ STEP_HZ = OVERSAMPLING * RATE_HZ
 # Cut off on both ends after the decimation, which takes the signal for a period.
 MARGIN_S = 0.1
 
+CALM_DEPTH = 0.8  # of the limit, for what the teeth do by themselves
 WANDER = 0.003  # standard deviation of the speed over its mean
 WANDER_CORNER_HZ = 1.0
 AC_CORNER_HZ = 15.0  # sensors and sound cards pass no static deflection
@@ -72,13 +73,15 @@ def simulate(recipe: Recipe, name: str, family: str, rng: np.random.Generator) -
     feed = recipe.feed(t) * np.maximum(0.0, 1.0 + recipe.feed_wander * _wander(rng, n, rng.uniform(1.0, 20.0)))
     radii = recipe.run_out * rng.standard_normal(recipe.teeth)
     run_out = feed * _tooth_radius(radii - radii.mean(), tooth_phase, recipe.engagement.edge)
-    steepest = np.full(n, recipe.clearance * recipe.modes[0].omega)
     unsteady = mean * (1.0 + recipe.unsteadiness * _unsteadiness(rng, n, recipe.slow_share))
     path = _direct_path(rng, recipe.direct_decay_s)
-    heard, forced = (
-        _run(recipe, Drive(stiffness, feed, run_out, delay_s * STEP_HZ, disturbance, steepest), path, t, keep)
-        for stiffness, disturbance in ((unsteady, _blows(recipe, t)), (mean, np.zeros(n)))
-    )
+    # what the teeth alone do: nothing random, and never so deep that it chatters
+    shallower = np.minimum(1.0, CALM_DEPTH * limit / np.maximum(kappa, 1e-12))
+    calm = Drive(mean * shallower, feed, run_out, delay_s * STEP_HZ, np.zeros(n), np.full(n, np.inf))
+    forced, steepest = _run(recipe, calm, path, t, keep)
+    steepest += recipe.clearance * recipe.modes[0].omega
+    drive = Drive(unsteady, feed, run_out, delay_s * STEP_HZ, _blows(recipe, t), np.full(n, steepest))
+    heard, _ = _run(recipe, drive, path, t, keep)
     level = recipe.direct * _rms(heard[0].vibration) / _rms(heard[1].vibration)
     cut_sound, forced_sound = (Heard(m.vibration + level * d.vibration, m.limited) for m, d in (heard, forced))
 
@@ -111,14 +114,15 @@ def simulate(recipe: Recipe, name: str, family: str, rng: np.random.Generator) -
     )
 
 
-def _run(recipe: Recipe, drive: Drive, path: Floats, t: Floats, keep: slice) -> tuple[Heard, Heard]:
-    """Simulate with a drive; what the sensor gets through the modes, and what through everything else."""
+def _run(recipe: Recipe, drive: Drive, path: Floats, t: Floats, keep: slice) -> tuple[tuple[Heard, Heard], float]:
+    """Simulate: what the sensor gets through the modes and through everything else, and the steepest."""
     motion = vibration(recipe.modes, drive, STEP_HZ, recipe.sensor)
-    stride = OVERSAMPLING * INTERVAL_SAMPLES
-    limited = motion.limited[OVERSAMPLING * keep.start : OVERSAMPLING * keep.stop].reshape(-1, stride).mean(axis=1)
+    fine = slice(OVERSAMPLING * keep.start, OVERSAMPLING * keep.stop)
+    limited = motion.limited[fine].reshape(-1, OVERSAMPLING * INTERVAL_SAMPLES).mean(axis=1)
     loudness = recipe.loudness(t)
     direct = fftconvolve(_recorded(loudness * motion.force), path)
-    return Heard(_recorded(loudness * motion.seen)[keep], limited), Heard(direct[keep], limited)
+    modal = Heard(_recorded(loudness * motion.seen)[keep], limited)
+    return (modal, Heard(direct[keep], limited)), float(motion.into[fine].max())
 
 
 def _direct_path(rng: np.random.Generator, decay_s: float) -> Floats:

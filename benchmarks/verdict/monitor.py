@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.verdict.cut import RATE_HZ, Cut
+from chatter_monitor.acquisition.source import Source
 from chatter_monitor.acquisition.synthetic import Synthetic
 from chatter_monitor.config import Settings, load
+from chatter_monitor.outlets.control import SetSpindle
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, Verdict
 from chatter_monitor.service.monitor import Monitor
 
 Floats = NDArray[np.float64]
@@ -43,52 +46,48 @@ class Opinions:
         return np.asarray(np.where(rank > 0, rank + self.confidence, 1.0 - self.confidence))
 
 
-class Verdicts(Outlet):
-    """Keeps the verdicts."""
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """A piece of a long recording: samples, what is being done, and nominal speed and teeth if they are announced."""
 
-    def __init__(self) -> None:
-        self.kept: list[Verdict] = []
-
-    def frame(self, frame: OdpFrame, odp: Odp) -> None:
-        """Leave it."""
-
-    def message(self, message: Verdict | Event | Health) -> None:
-        """Keep verdicts."""
-        if isinstance(message, Verdict):
-            self.kept.append(message)
-
-    def close(self) -> None:
-        """Nothing to let go of."""
+    samples: Floats
+    doing: str
+    announced: tuple[float, int] | None
 
 
-class NothingCounted:
-    """A source that loses and clips nothing on its way."""
+@dataclass(frozen=True)
+class Heard:
+    """What the monitor said since the passage before.
 
-    clipped_samples = 0
-    non_finite_samples = 0
+    Attributes
+    ----------
+    doing : str
+        Of the passage.
+    states : list of str
+        Of its intervals.
+    events : int
+        Events that ended.
+    until_s : float
+        How far the recording has been heard.
+    generating_s : float
+        Seconds spent on making passages so far, not on listening.
+    """
 
-
-def settings_for(rpm: float | None, teeth: int) -> Settings:
-    """Return the default settings with the spindle as the monitor is told it."""
-    return load([], {} if rpm is None else {"spindle": {"speed_rpm": rpm, "teeth": teeth}})
+    doing: str
+    states: list[str]
+    events: int
+    until_s: float
+    generating_s: float
 
 
 def listen(cut: Cut, *, speed_known: bool) -> Opinions:
     """Run the monitor over a cut, told its nominal speed and teeth or neither."""
-    verdicts = Verdicts()
+    verdicts = _Kept()
     source = Synthetic.from_array(cut.samples, RATE_HZ, block_samples=32768)
-    monitor = Monitor(
-        settings_for(cut.nominal_rpm if speed_known else None, cut.teeth),
-        source,
-        [verdicts],
-        counts=NothingCounted(),
-        source_rate_hz=RATE_HZ,
-        session=cut.name,
-        clock=time.perf_counter,
-    )
-    for _ in monitor.run():
+    told = {"spindle": {"speed_rpm": cut.nominal_rpm, "teeth": cut.teeth}} if speed_known else {}
+    for _ in _monitor(load([], told), source, verdicts).run():
         pass
-    kept = verdicts.kept[: len(cut.truth)]
+    kept = verdicts.verdicts
     if len(kept) != len(cut.truth):
         raise RuntimeError(f"{len(kept)} verdicts for {len(cut.truth)} intervals of {cut.name}")
 
@@ -102,3 +101,86 @@ def listen(cut: Cut, *, speed_known: bool) -> Opinions:
         damping_ratio=column("damping_ratio"),
         margin_percent=column("margin_percent"),
     )
+
+
+def watch(passages: Iterable[Passage], *, announce: bool) -> Iterator[Heard]:
+    """Run the monitor over a long recording; yields what it said of each passage."""
+    source, kept = _Stream(passages), _Kept()
+
+    def commands() -> list[SetSpindle]:
+        told = source.doing.announced if announce else None
+        return [] if told is None else [SetSpindle(rpm=told[0], teeth=told[1])]
+
+    for end in _monitor(Settings(), source, kept, commands).run():
+        yield Heard(
+            source.doing.doing, [v.state for v in kept.verdicts], kept.events, end / RATE_HZ, source.generating_s
+        )
+        kept.verdicts.clear()
+        kept.events = 0
+
+
+def _monitor(settings: Settings, source: Source, kept: _Kept, commands=lambda: ()) -> Monitor:  # type: ignore[no-untyped-def]
+    return Monitor(
+        settings,
+        source,
+        [kept],
+        counts=_NothingCounted(),
+        source_rate_hz=RATE_HZ,
+        session="benchmark",
+        clock=time.perf_counter,
+        commands=commands,
+    )
+
+
+class _Kept(Outlet):
+    """Keeps the verdicts and counts the events."""
+
+    def __init__(self) -> None:
+        self.verdicts: list[Verdict] = []
+        self.events = 0
+
+    def frame(self, frame: OdpFrame, odp: Odp) -> None:
+        """Leave it."""
+
+    def message(self, message: Verdict | Event | Health) -> None:
+        """Keep verdicts, count events."""
+        if isinstance(message, Verdict):
+            self.verdicts.append(message)
+        self.events += isinstance(message, Event)
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+class _Stream(Source):
+    """One block for each passage, made when it is asked for."""
+
+    sample_rate_hz, channels, length = RATE_HZ, 1, None
+
+    def __init__(self, passages: Iterable[Passage]) -> None:
+        self._passages = iter(passages)
+        self.doing = Passage(np.zeros(0), "nothing", None)
+        self.generating_s = 0.0
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield passages as blocks."""
+        first = 0
+        while True:
+            began = time.perf_counter()
+            passage = next(self._passages, None)
+            self.generating_s += time.perf_counter() - began
+            if passage is None:
+                return
+            self.doing = passage
+            yield Block(first, passage.samples[:, np.newaxis], RATE_HZ)
+            first += len(passage.samples)
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+class _NothingCounted:
+    """A source that loses and clips nothing on its way."""
+
+    clipped_samples = 0
+    non_finite_samples = 0

@@ -110,7 +110,7 @@ class Recipe:
         Standard deviations of slow changes of process stiffness and feed over their means: the blank is not round, the
         stock not even. The former is part of the truth.
     clearance : float
-        Amplitude of the first mode, over the nominal feed, from which on the flank rubs.
+        Amplitude of the first mode, over the nominal feed and beyond what the teeth cause, at which the flank rubs.
     direct : float
         What the force excites elsewhere (dense modes of machine and room) in the sensor: rms over that of `modes`.
     direct_decay_s : float

@@ -7,6 +7,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.verdict.curves import Detector, at_equal_false_alarms
 from benchmarks.verdict.families import FAMILIES
 from benchmarks.verdict.scoring import (
     SNR_BANDS_DB,
@@ -20,8 +21,8 @@ from benchmarks.verdict.scoring import (
 )
 
 
-def as_results(heard: list[Heard]) -> dict[str, Any]:
-    """All scores of one way to run the monitor, ready for JSON."""
+def as_results(heard: list[Heard], found: list[Detector]) -> dict[str, Any]:
+    """All scores of one way to run the monitor and of its peers, ready for JSON (infinite lags apart)."""
     groups = {"all": heard}
     groups |= {family: [h for h in heard if h.cut.family == family] for family in FAMILIES}
     groups |= {
@@ -29,10 +30,11 @@ def as_results(heard: list[Heard]) -> dict[str, Any]:
     }
     return {
         "groups": {name: {**by_interval(part), "event": by_event(part)} for name, part in groups.items() if part},
-        "lags": lags(heard),
+        "lags": lags((h.cut, h.alarm) for h in heard),
         "warnings": warnings(heard),
         "reliability": reliability(heard),
         "margins": margins(heard),
+        "peers": {detector.name: at_equal_false_alarms(detector, heard) for detector in found},
     }
 
 
@@ -68,6 +70,22 @@ def show(console: Console, name: str, results: dict[str, Any]) -> None:
         if row["verdicts"]:
             span = f"{row['from']:.2f}-{row['to']:.2f}"
             table.add_row(span, str(row["verdicts"]), f"{row['mean_confidence']:.3f}", f"{row['right']:.3f}")
+    console.print(table)
+    table = Table(title=f"At equal false alarms, {name}")
+    for heading in ("detector", "false alarms allowed", "recall", "never", "median lag", "over the limit", "95 %"):
+        table.add_column(heading, justify="right" if heading != "detector" else "left")
+    for detector, rows in results["peers"].items():
+        for row in rows:
+            lag = row["lags"]
+            table.add_row(
+                detector,
+                _percent(row["false_alarms_allowed"], 1),
+                _percent(row["recall"], 1),
+                f"{lag['never']}/{lag['cuts']}",
+                f"{_number(lag['median_ms'])} ms",
+                _number(lag["median_over_limit"]),
+                _number(lag["p95_over_limit"]),
+            )
     console.print(table)
 
 

@@ -101,36 +101,32 @@ def by_event(heard: Iterable[Heard]) -> dict[str, float | None]:
     }
 
 
-def lags(heard: Iterable[Heard]) -> dict[str, float | None]:
-    """From a sudden crossing to the end of the first interval called self-excited.
+def lags(alarms: Iterable[tuple[Cut, Bools]]) -> dict[str, float | None]:
+    """From a sudden crossing to the end of the first interval of alarm.
 
     Alarms that were on already are counted as `early` and have no lag; chatter never alarmed has an infinite one.
     """
     seconds, over_limit, early = [], [], 0
-    for h in heard:
-        if h.cut.family not in SUDDEN:
+    for cut, alarm in alarms:
+        if cut.family not in SUDDEN:
             continue
-        for stretch in h.cut.truth.unstable[:1]:
-            crossing_s = stretch.crossing_s
-            if crossing_s is None:
-                continue
+        for crossing_s in [s.crossing_s for s in cut.truth.unstable[:1] if s.crossing_s is not None]:
             at = int(crossing_s / INTERVAL_S)
-            if h.alarm[at - 1]:
+            if alarm[at - 1]:
                 early += 1
                 continue
-            later = np.flatnonzero(h.alarm[at:])
+            later = np.flatnonzero(alarm[at:])
             lag = INTERVAL_S * (at + later[0] + 1) - crossing_s if later.size else np.inf
-            period_s = 1.0 / np.median(h.cut.truth.frequency_hz[at : at + 10])
+            period_s = 1.0 / np.median(cut.truth.frequency_hz[at : at + 10])
             seconds.append(lag)
             over_limit.append(lag / max(LAG_S, LAG_PERIODS * period_s))
-    if not seconds:
-        return {"cuts": 0}
+    median, p95 = _percentile(seconds, 50), _percentile(seconds, 95)
     return {
         "cuts": len(seconds),
         "early": early,
         "never": int(np.sum(np.isinf(seconds))),
-        "median_ms": 1e3 * _percentile(seconds, 50),
-        "p95_ms": 1e3 * _percentile(seconds, 95),
+        "median_ms": None if median is None else 1e3 * median,
+        "p95_ms": None if p95 is None else 1e3 * p95,
         "median_over_limit": _percentile(over_limit, 50),
         "p95_over_limit": _percentile(over_limit, 95),
     }
@@ -217,17 +213,6 @@ def margins(heard: Iterable[Heard]) -> dict[str, float | None]:
         "median_damping_error": _percentile(damping_errors, 50),
         "damping_within_0.005": float(np.mean(np.array(damping_errors) < 0.005)) if damping_errors else None,
     }
-
-
-def curve(scores: Floats, label: NDArray[np.int8]) -> tuple[Floats, Floats]:
-    """Share of false alarms and recall over all thresholds of a score, both ascending; shape (thresholds,) each."""
-    chosen = label != Label.UNSCORED
-    score, positive = scores[chosen], label[chosen] == Label.SELF_EXCITED
-    order = np.argsort(-score, kind="stable")
-    last_of_its_value = np.append(np.flatnonzero(np.diff(score[order])), score.size - 1)
-    true = np.cumsum(positive[order])[last_of_its_value]
-    false = np.cumsum(~positive[order])[last_of_its_value]
-    return false / max(1, np.sum(~positive)), true / max(1, np.sum(positive))
 
 
 def _shortly_before(cut: Cut) -> Bools:
