@@ -12,7 +12,7 @@ import numpy as np
 
 WINDOW_S = 1.0
 WINDOWS = 120  # that the rate is fitted to: the slope of two minutes is known to a few millionths
-FEWEST_WINDOWS = 5  # before that the rate is not told from the jitter of the deliveries
+FEWEST_WINDOWS = 30  # before that the rate is not told from a computer that is busy, or a server that settles
 
 
 class WallClock(Protocol):

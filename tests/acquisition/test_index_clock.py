@@ -39,8 +39,9 @@ def test_a_stall_does_not_bend_the_rate():
 
 
 def test_drift_is_not_told_from_jitter_too_early():
-    """In the first seconds nobody knows the drift."""
-    assert delivered(RATE_HZ, 3.0).drift_ppm is None
+    """In the first half minute nobody knows the drift; after it, it is known to a hundredth of what is a wrong rate."""
+    assert delivered(RATE_HZ, 25.0).drift_ppm is None
+    assert delivered(RATE_HZ, 35.0).drift_ppm == pytest.approx(0.0, abs=50.0)
 
 
 def test_index_and_time_follow_the_card():
