@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -38,6 +39,8 @@ def base() -> Path:
         sources = run("apt-get", "indextargets", "--format", "$(REPO_URI)").split()
         mirror = [uri for uri in sources if "security" not in uri][:1]  # where this machine has its packages from
         run("debootstrap", "--variant=minbase", RELEASE, tree, *mirror, timeout_s=1200)
+        for package in (tree / "var/cache/apt/archives").glob("*.deb"):
+            package.unlink()
 
     return _kept(f"debian-{RELEASE}", make)
 
@@ -55,7 +58,8 @@ def with_packages(*packages: str) -> Path:
 
 def wheels() -> Path:
     """Everything that the program depends on, in the versions of constraints.txt, as for a machine without internet."""
-    about = [(ROOT / name).read_text() for name in ("pyproject.toml", "constraints.txt")]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    about = [*project["dependencies"], (ROOT / "constraints.txt").read_text()]
 
     def make(directory: Path) -> None:
         pip = (sys.executable, "-m", "pip", "wheel", "-q", "--disable-pip-version-check")
