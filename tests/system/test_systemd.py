@@ -314,6 +314,27 @@ def test_a_wrong_configuration_does_not_loop(machine):
         machine.run("systemctl", "reset-failed", UNIT)
 
 
+def test_real_time_scheduling_is_possible(running):
+    """With the drop-in that the document gives, every thread of the monitor runs ahead of ordinary ones."""
+    document = (debian.ROOT / "docs/service.md").read_text()
+    drop_in = re.search(r"```ini\n(\[Service\]\nCPUSched.*?)```", document, re.DOTALL)
+    assert drop_in is not None
+    place = f"/etc/systemd/system/{UNIT}.service.d/real-time.conf"
+    try:
+        running.put(place, drop_in[1])
+        running.run("systemctl", "daemon-reload")
+        running.run("systemctl", "restart", UNIT)
+        threads = f"/proc/{main_pid(running)}/task"
+        ask = (
+            f"import os; print({{os.sched_getscheduler(int(t)) for t in os.listdir('{threads}')}} == {{os.SCHED_FIFO}})"
+        )
+        assert running.run("python3", "-c", ask).strip() == "True"
+        assert listen(running, 2)["states"]
+    finally:
+        running.run("rm", "-f", place)
+        running.run("systemctl", "daemon-reload")
+
+
 def test_root_keeps_the_secret_certificate(running):
     """The monitor encrypts with a certificate that only root can read: allowed clients hear verdicts, no others do."""
     keys = "/etc/chatter-monitor/keys"
