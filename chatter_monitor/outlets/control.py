@@ -177,12 +177,13 @@ class Control(Outlet):
         """Take the commands that have come since the last time, in order. For the worker thread."""
         while True:
             try:
-                command = self._commands.get_nowait()
+                yield self._commands.get_nowait()
             except Empty:
                 return
-            if isinstance(command, SetSpindle):
-                self._status = msgspec.structs.replace(self._status, spindle=Spindle(command.rpm, command.teeth))
-            yield command
+
+    def spindle(self, spindle: SpindleSettings) -> None:
+        """Keep for the status what the judges take the spindle for from now on."""
+        self._status = msgspec.structs.replace(self._status, spindle=Spindle(spindle.speed_rpm, spindle.teeth))
 
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Nothing of a frame is in the status but its verdict."""

@@ -147,7 +147,8 @@ def test_status(control, client, messages):
         control.message(message)
     client.request(**MILL)
     assert client.request(command="status")["status"]["spindle"] == {"rpm": 1000.0, "teeth": 2}
-    assert len(list(control.commands())) == 1
+    (command,) = control.commands()
+    control.spindle(SpindleSettings(command.rpm, command.teeth))
     status = client.request(command="status")["status"]
     assert status["spindle"] == {"rpm": 1656.0, "teeth": 6}
     assert status["verdicts"] == [as_json(message) for message in messages[:2]]

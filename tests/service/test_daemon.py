@@ -196,7 +196,7 @@ def test_without_a_device_at_the_start(acting, manager):
 
 
 def test_reading_the_configuration_again(acting, manager, caplog):
-    """SIGHUP changes thresholds at once, keeps what it had when the file is bad, and says what must wait."""
+    """SIGHUP changes thresholds and spindle at once, keeps what it had when the file is bad, says what must wait."""
 
     def hang_up(tables):
         acting.write(tables)
@@ -215,12 +215,17 @@ def test_reading_the_configuration_again(acting, manager, caplog):
         assert newest_state() == "stable"
         hang_up("[verdict]\nchatter_damping = 0.5\n")
         eventually(lambda: newest_state() == "self_excited")
+        # 400 Hz is the third tooth passing harmonic of two teeth at 4000 rpm
+        hang_up("[verdict]\nchatter_damping = 0.5\n[spindle]\nspeed_rpm = 4000.0\nteeth = 2\n")
+        eventually(lambda: newest_state() == "forced")
+        hang_up("[verdict]\nchatter_damping = 0.5\n")
+        eventually(lambda: newest_state() == "self_excited")
         hang_up("[verdict]\nchatter_dumping = 0.003\n")
         eventually(lambda: "unknown key [verdict] chatter_dumping" in newest_reasons())
         assert newest_state() == "self_excited"
         hang_up('[input]\ndevice = "other"\n[machine]\nname = "renamed"\n')
         eventually(lambda: "[machine], [input] of the configuration changed" in newest_reasons())
-        eventually(lambda: manager.count("READY=1") == 4)
+        eventually(lambda: manager.count("READY=1") == 6)
 
     with caplog.at_level(logging.INFO, "chatter_monitor"):
         acting.run(act)
