@@ -211,3 +211,13 @@ def test_help_is_quick():
     assert (done.returncode, done.stderr) == (0, "")
     assert "--jsonl" in done.stdout
     assert done.stdout.splitlines()[-1] == "loaded: []"
+
+
+def test_the_daemon_refuses_what_is_wrong_at_once(run, tmp_path):
+    """A bad configuration is the user's input, a taken port a fault of the environment: said at once."""
+    config = tmp_path / "machine.toml"
+    config.write_text("[input]\ndevices = 1\n")
+    assert "Did you mean 'device'?" in refused(run, 2, "run", "--config", config)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        config.write_text(f'[publish]\nbind = "tcp://127.0.0.1:{server.getsockname()[1]}"\n')
+        assert "[publish] bind" in refused(run, 3, "run", "--config", config)

@@ -100,15 +100,19 @@ def test_every_sample_is_heard_in_its_order():
 
 
 def test_another_rate_is_converted_like_a_recording():
-    """A device at 48 kHz gives what a recording at 48 kHz gives, but for the end that the filter has not settled."""
+    """A device at 48 kHz gives what a recording at 48 kHz gives, up to where the filter knows what comes next."""
     samples = noise(48_000)
+    more = noise(4800, seed=2)  # that a recording has, and the device does not deliver any more
     with listening(FakeDevices(48_000.0)) as listener:
         device = listener.devices.opened()
         for piece in np.array_split(samples, 50):
             device.deliver(piece)
         listener.has_heard(12_700)
-    expected = Resampled(Synthetic.from_array(samples.astype(np.float64), 48_000.0), RATE_HZ)
-    expected = np.concatenate([block.samples for block in expected.blocks()])
+        assert {block.arrived_s for block in listener.blocks} == {listener.clock.now_s}
+        device.end()
+        eventually(lambda: not listener.card.condition().hearing)
+    recording = Synthetic.from_array(np.concatenate([samples, more]).astype(np.float64), 48_000.0)
+    expected = np.concatenate([block.samples for block in Resampled(recording, RATE_HZ).blocks()])
     assert np.array_equal(listener.heard, expected[: len(listener.heard)])
 
 
@@ -240,6 +244,9 @@ def test_clipping_is_told_while_it_is_news():
             listener.clock.now_s += 0.4
             device.deliver(noise(5120))
         eventually(lambda: not listener.card.condition().problems)
+        device.end()
+        listener.devices.opened().deliver(samples)
+        eventually(lambda: listener.card.clipped_samples == 20)
     assert (listener.flags() & Flag.CLIPPED).any()
 
 
