@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 
-from benchmarks.verdict.cut import INTERVAL_SAMPLES, Label
+from benchmarks.verdict.cache import cached_cuts
+from benchmarks.verdict.cut import INTERVAL_SAMPLES, RATE_HZ, Label
 from benchmarks.verdict.cutting import Drive, Mode, vibration
 from benchmarks.verdict.families import FAMILIES
-from benchmarks.verdict.generator import STEP_HZ, cut
+from benchmarks.verdict.generator import STEP_HZ, _recorded, cut
 from benchmarks.verdict.recipe import Engagement
 from benchmarks.verdict.roots import critical_kappa, rightmost_root
 
@@ -67,3 +69,50 @@ def test_truth_covers_every_interval(family):
     unstable = made.truth.label == Label.SELF_EXCITED
     assert unstable.any() == (family == "step")
     assert (made.truth.damping_ratio[unstable] < 0).all()
+
+
+def spectrum(samples):
+    """Amplitude spectrum and its frequencies."""
+    return np.abs(np.fft.rfft(samples * np.hanning(samples.size))), np.fft.rfftfreq(samples.size, 1.0 / RATE_HZ)
+
+
+def test_forced_lines_are_at_the_true_speed():
+    """A forced cut has its strongest line at a harmonic of the teeth at the true speed, not at the nominal one."""
+    made = cut("development", list(FAMILIES).index("forced"))
+    second = slice(round(2 * RATE_HZ), round(3 * RATE_HZ))  # short enough for the wander of the speed
+    amplitude, f = spectrum(made.samples[second])
+    line_hz = f[np.argmax(amplitude)]
+    order = line_hz / (made.teeth * made.true_rpm(2.5) / 60.0)
+    assert order == pytest.approx(round(order), abs=0.015 * round(order))
+    assert 0.0099 < abs(made.nominal_rpm / made.true_rpm(np.linspace(0, 8, 800)).mean() - 1.0) < 0.0325
+
+
+def test_chatter_is_at_the_frequency_of_the_root():
+    """Shortly after a sudden onset the line that has grown most is within 3 % of the root's frequency."""
+    made = cut("development", list(FAMILIES).index("step"))
+    at = round(made.truth.unstable[0].crossing_s * RATE_HZ)
+    before, f = spectrum(made.samples[at - round(RATE_HZ) : at])
+    after, _ = spectrum(made.samples[at + round(0.2 * RATE_HZ) : at + round(1.2 * RATE_HZ)])
+    strong = after > 0.3 * after.max()
+    grown_hz = f[strong][np.argmax(after[strong] / before[strong])]
+    expected_hz = np.median(made.truth.frequency_hz[made.truth.label == Label.SELF_EXCITED])
+    assert grown_hz == pytest.approx(expected_hz, rel=0.03)
+
+
+def test_white_noise_stays_white_up_to_the_edge():
+    """Decimation leaves the top 5 % of the band as full as the rest, within 1 dB."""
+    noise = np.random.default_rng(3).standard_normal(2**20)
+    f, p = welch(_recorded(noise), RATE_HZ, nperseg=1024)
+    assert 10 * np.log10(p[f > 6080].mean() / p[(f > 500) & (f < 5000)].mean()) == pytest.approx(0.0, abs=1.0)
+
+
+def test_kept_cut_is_the_cut(tmp_path):
+    """A cut read from its file equals the generated one in every field."""
+    made, kept = cut("development", 1), None
+    for _ in range(2):  # written, then read
+        kept = list(cached_cuts("development", 2, tmp_path))[1]
+    assert np.array_equal(kept.samples, made.samples)
+    assert kept.truth.unstable == made.truth.unstable
+    for name in ("label", "damping_ratio", "kappa_critical", "vibration_rms"):
+        assert np.array_equal(getattr(kept.truth, name), getattr(made.truth, name)), name
+    assert (kept.name, kept.teeth, kept.sensor, kept.snr_db) == (made.name, made.teeth, made.sensor, made.snr_db)
