@@ -3,101 +3,38 @@
 Threads
 -------
 PortAudio's thread copies what the device delivers into the ring and counts; nothing else.
-The card's own thread ("sound-card") opens and closes devices, again and again, and nothing but it calls PortAudio: a
-frozen device makes these calls hang, and they hang there.
+The card's thread ("sound-card", `Capturing`) opens and closes devices.
 The worker's thread takes the blocks. It notices that nothing comes any more, whatever the reason, and goes on with
 blocks that hold nothing but the loss, by the clock, so that verdicts keep coming.
-
-What they share: the ring; a queue of devices that have been opened; for each of them an event that says that it is
-over; and `_trouble`, the reason in words, which is replaced as a whole.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-import queue
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
+from chatter_monitor.acquisition.capture import PATIENCE, Capture, Capturing, Patience
 from chatter_monitor.acquisition.faults import FaultFinder, block_flags, equal_runs
 from chatter_monitor.acquisition.index_clock import IndexClock
-from chatter_monitor.acquisition.portaudio import Choice, Opener
+from chatter_monitor.acquisition.portaudio import Opener
 from chatter_monitor.acquisition.resample import Resampled
-from chatter_monitor.acquisition.ring import Ring
 from chatter_monitor.acquisition.settings import InputSettings
 from chatter_monitor.acquisition.source import Condition, Source
-from chatter_monitor.errors import EnvironmentFault
 from chatter_monitor.records import Block, Flag
 
-RING_S = 4.0  # what the worker may fall behind before samples are lost
 START_S = 1.0  # that a device may take to open at the start, before samples count as lost
 DEAD_S = 1.0  # an unchanged channel is dead from then on
 CLIPPING_SHOWN_S = 10.0
 CEILING = 1.0 - 2.0**-15  # the largest code of a 16-bit converter; for one of 24 bits that is near enough
 WRONG_RATE_PPM = 5000.0
-CLOSE_TIMEOUT_S = 0.5  # for a device that hangs, at the end
 
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class Patience:
-    """How long to wait for what.
-
-    Attributes
-    ----------
-    tick_s : float
-        How often to look whether something has happened, and how often blocks come while nothing is heard.
-    frozen_s : float
-        A device that has delivered nothing for so long is frozen, whatever it says.
-    reopen_s : tuple of float
-        Before the first attempt to open it again, the second, ...; the last for all that follow.
-    """
-
-    tick_s: float = 0.05
-    frozen_s: float = 0.5
-    reopen_s: tuple[float, ...] = (0.1, 0.2, 0.5, 1.0)
-
-
-@dataclass(eq=False)
-class _Capture:
-    """A device that has been opened, until it is over.
-
-    Attributes
-    ----------
-    choice : Choice
-        What was opened.
-    ring : Ring
-        What it delivers.
-    latest_s : float
-        When it delivered last; when it was opened, at first.
-    over : Event
-        Set when it has ended by itself, when the worker has given it up, and at the end of the program.
-    why : str
-        Why it is over.
-    held : Block or None
-        Taken from the ring, and not handed on yet.
-    """
-
-    choice: Choice
-    ring: Ring
-    latest_s: float
-    over: threading.Event = field(default_factory=threading.Event)
-    why: str = ""
-    delivered: bool = False
-    overflows: int = 0
-    held: Block | None = None
-
-    def end(self, why: str) -> None:
-        """Say that it is over; the first reason counts."""
-        if not self.over.is_set():
-            self.why = why
-            self.over.set()
 
 
 class SoundCard(Source):
@@ -134,31 +71,26 @@ class SoundCard(Source):
         index_clock: IndexClock,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], object] | None = None,
-        patience: Patience = Patience(),
+        patience: Patience = PATIENCE,
     ) -> None:
         self.sample_rate_hz = float(sample_rate_hz)
         self._columns = list(settings.channels or (0,))
         self.channels = len(self._columns)
         self._settings = settings
-        self._opener = opener
         self._index_clock = index_clock
         self._clock = clock
         self._patience = patience
-        # The worker's:
+        self._capturing = Capturing(opener, clock, sleep, patience)
         self._faults: FaultFinder | None = None
         self._clipped = self._non_finite = 0  # by the finders before
         self._clipping_until_s = -math.inf
         self._overflows = 0
         self._end = 0  # of the last block given
         self._heard_s = clock()  # when samples came last
-        self._capture: _Capture | None = None
-        # Shared:
-        self._captures: queue.SimpleQueue[_Capture] = queue.SimpleQueue()
+        self._capture: Capture | None = None  # that is heard
+        self._held: Block | None = None  # taken from its ring, and not handed on yet
+        self._why = "the device has not been opened yet"  # nothing is heard
         self._stopping = threading.Event()
-        self._sleep = sleep or self._stopping.wait
-        self._trouble = "the device has not been opened yet"
-        self._death: BaseException | None = None
-        self._thread = threading.Thread(target=self._keep_open, name="sound-card", daemon=True)
 
     @property
     def deaf_s(self) -> float:
@@ -187,8 +119,9 @@ class SoundCard(Source):
         """How well it hears at the moment: not at all where no sample comes, or all channels are dead."""
         capture, faults = self._capture, self._faults
         if capture is None or faults is None:
-            why = f"nothing heard for {self.deaf_s:.1f} s: {self._trouble}"
-            return Condition(hearing=False, problems=(why,), overflows=self._overflows)
+            why = self._capturing.trouble or self._why
+            problem = f"nothing heard for {self.deaf_s:.1f} s: {why}"
+            return Condition(hearing=False, problems=(problem,), overflows=self._overflows)
         return Condition(
             hearing=not faults.dead.all(),
             problems=tuple(self._problems(capture, faults)),
@@ -197,7 +130,7 @@ class SoundCard(Source):
             clock_ppm=self._index_clock.drift_ppm,
         )
 
-    def _problems(self, capture: _Capture, faults: FaultFinder) -> list[str]:
+    def _problems(self, capture: Capture, faults: FaultFinder) -> list[str]:
         problems = [
             f"channel {self._columns[c]} is dead: its samples do not change; is the sensor connected and switched on?"
             for c in np.flatnonzero(faults.dead)
@@ -223,29 +156,28 @@ class SoundCard(Source):
         Raises
         ------
         Exception
-            Whatever the card's thread died of.
+            Whatever the card's thread has died of.
         """
         self._index_clock.restart(0, self._clock())
         self._heard_s = self._clock()
-        self._thread.start()
+        self._capturing.start()
+        opened: Capture | None = None  # that has not delivered yet
         while not self._stopping.is_set():
-            if self._death is not None:
-                raise self._death
-            try:
-                capture = self._captures.get(timeout=self._patience.tick_s)
-            except queue.Empty:
-                if self._end or self.deaf_s > START_S:
-                    yield from self._missing(self._clock() - self._patience.tick_s)
+            if opened is None:
+                opened = self._capturing.opened()
+            elif opened.ring.wait(self._patience.tick_s):
+                yield from self._hear(opened)
+                opened = None
                 continue
-            yield from self._hear(capture)
+            elif self._is_over(opened):
+                opened = None
+            if self._end or self.deaf_s > START_S:
+                yield from self._missing(self._clock() - self._patience.tick_s)
 
     def close(self) -> None:
         """Close the device; one that hangs is left to the end of the process."""
         self._stopping.set()
-        if self._thread.is_alive():
-            self._thread.join(CLOSE_TIMEOUT_S)
-
-    # ---- the worker's thread
+        self._capturing.stop()
 
     def _missing(self, until_s: float) -> Iterator[Block]:
         """Yield the loss up to a time as a block without samples."""
@@ -254,25 +186,22 @@ class SoundCard(Source):
             lost, self._end = end - self._end, end
             yield Block(end, np.empty((0, self.channels)), self.sample_rate_hz, lost)
 
-    def _hear(self, capture: _Capture) -> Iterator[Block]:
+    def _hear(self, capture: Capture) -> Iterator[Block]:
         """Yield what a device delivers until it is over."""
         self._clipped, self._non_finite = self.clipped_samples, self.non_finite_samples
         rate_hz = capture.choice.sample_rate_hz
         self._faults = FaultFinder(self.channels, CEILING, dead_after=round(DEAD_S * rate_hz))
+        away_s = self.deaf_s
+        self._capture = capture
+        _log.info("hearing %s, after %.1f s without", self.device, away_s)
         while (first := self._next(capture)) is not None:
-            if self._capture is None:
-                away_s = self.deaf_s
-                self._capture = capture
-                _log.info("hearing %s, after %.1f s without", self.device, away_s)
-            capture.held = first
+            self._held = first
             yield from self._stretch(capture, first)
-        if self._stopping.is_set():
-            return
-        # What the converter has not given out yet is lost; the clock goes on from the last delivery.
-        self._capture = None
-        self._trouble = capture.why
+        if not self._stopping.is_set():
+            # What the converter has not given out yet is lost; the clock goes on from the last delivery.
+            self._capture = None
 
-    def _stretch(self, capture: _Capture, first: Block) -> Iterator[Block]:
+    def _stretch(self, capture: Capture, first: Block) -> Iterator[Block]:
         """Yield samples without a gap of unknown length in between, at the tracker's rate."""
         rate_hz = capture.choice.sample_rate_hz
         ratio = self.sample_rate_hz / rate_hz
@@ -289,7 +218,7 @@ class SoundCard(Source):
             lost, self._end = position - self._end, position + len(block.samples)
             yield replace(block, first_sample=position, lost=lost)
 
-    def _delivered(self, capture: _Capture, origin: int, begin: int) -> Iterator[Block]:
+    def _delivered(self, capture: Capture, origin: int, begin: int) -> Iterator[Block]:
         """Yield what a device delivers, flagged and in the sensor's units, up to the next gap of unknown length."""
         faults = self._faults
         assert faults is not None  # noqa: S101  set by _hear
@@ -297,7 +226,7 @@ class SoundCard(Source):
         while (block := self._next(capture)) is not None:
             if block.flags:
                 if block.first_sample > origin:
-                    capture.held = block
+                    self._held = block
                     return
                 self._overflows += 1
             position = block.first_sample - origin
@@ -321,61 +250,26 @@ class SoundCard(Source):
                     arrived_s=block.arrived_s,
                 )
 
-    def _next(self, capture: _Capture) -> Block | None:
+    def _next(self, capture: Capture) -> Block | None:
         """Next block of a device; None when it is over and everything has been taken."""
-        if capture.held is not None:
-            block, capture.held = capture.held, None
+        if self._held is not None:
+            block, self._held = self._held, None
             return block
         while not self._stopping.is_set():
+            over = self._is_over(capture)  # before looking for what may have come until then
             read = capture.ring.read(capture.ring.capacity)
-            if read is not None:
+            if read is not None or over:
                 return read
-            if capture.over.is_set():
-                return None
-            silent_s = self._clock() - capture.latest_s
-            if silent_s > self._patience.frozen_s:
-                capture.end(f"{capture.choice.device.name!r} is frozen: it delivers nothing, and reports no error")
-                continue  # to what may have come in between
             capture.ring.wait(self._patience.tick_s)
         return None
 
-    # ---- the card's thread
-
-    def _keep_open(self) -> None:
-        try:
-            failures = 0
-            while not self._stopping.is_set():
-                capture = self._open_and_wait()
-                if capture is not None and capture.delivered:
-                    failures = 0
-                waits = self._patience.reopen_s
-                self._sleep(waits[min(failures, len(waits) - 1)])
-                failures += 1
-        except BaseException as death:
-            self._death = death
-
-    def _open_and_wait(self) -> _Capture | None:
-        """Open the device, wait until it is over, close it; None if it does not open."""
-        try:
-            choice = self._opener.choose()
-            ring = Ring(round(RING_S * choice.sample_rate_hz), choice.channels, choice.sample_rate_hz)
-            capture = _Capture(choice, ring, self._clock())
-
-            def deliver(samples: np.ndarray, overflow: bool) -> None:
-                capture.latest_s = now_s = self._clock()
-                capture.delivered = True
-                ring.write(samples, now_s, overflow=overflow)
-
-            stream = self._opener.open(choice, deliver, lambda: capture.end(f"{choice.device.name!r} has gone away"))
-        except EnvironmentFault as fault:
-            self._trouble = str(fault)
-            return None
-        capture.latest_s = self._clock()
-        self._captures.put(capture)
-        while not (capture.over.wait(self._patience.tick_s) or self._stopping.is_set()):
-            pass
-        stream.close()
-        return capture
+    def _is_over(self, capture: Capture) -> bool:
+        """Whether a device has ended, or is given up now because it is frozen."""
+        if self._clock() - capture.latest_s > self._patience.frozen_s:
+            capture.end(f"{capture.choice.device.name!r} is frozen: it delivers nothing, and reports no error")
+        if capture.over.is_set():
+            self._why = capture.why
+        return capture.over.is_set()
 
 
 class _Delivered(Source):

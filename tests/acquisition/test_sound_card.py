@@ -8,10 +8,11 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from chatter_monitor.acquisition.capture import Patience
 from chatter_monitor.acquisition.index_clock import IndexClock
 from chatter_monitor.acquisition.resample import Resampled
 from chatter_monitor.acquisition.settings import InputSettings
-from chatter_monitor.acquisition.sound_card import Patience, SoundCard
+from chatter_monitor.acquisition.sound_card import SoundCard
 from chatter_monitor.acquisition.synthetic import Synthetic
 from chatter_monitor.records import Flag
 from tests.fake_card import Clock, FakeDevices, eventually
@@ -313,3 +314,16 @@ def test_absent_devices_are_looked_for_with_growing_patience():
     card.close()
     thread.join(20.0)
     assert waits[:6] == [0.1, 0.2, 0.5, 1.0, 1.0, 1.0]
+
+
+def test_a_device_that_opens_and_never_delivers():
+    """While such a device is waited for the loss goes on; after 0.5 s it is frozen, too, and opened again."""
+    with listening(FakeDevices()) as listener:
+        device = listener.devices.opened()
+        listener.clock.now_s += 1.1
+        assert device.closed.wait(20.0)
+        eventually(lambda: "frozen" in listener.card.condition().problems[0])
+        eventually(lambda: listener.lost >= 1.0 * RATE_HZ)
+        listener.devices.opened()
+        listener.clock.now_s += 0.4
+        eventually(lambda: listener.lost >= 1.4 * RATE_HZ)
