@@ -1,0 +1,180 @@
+"""Averaged periodogram of a running signal, with exponential forgetting."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+Array = NDArray[np.float64]
+
+# A line spreads over so many bins on either side of its own; its surroundings are so many.
+LINE_BINS = 2
+_SURROUNDINGS = 12
+_OUTLIER_SIGMA = 4.5
+_HANN_BANDWIDTH = 1.5  # equivalent noise bandwidth of the window in bins
+
+# Where modes are looked for, and over what relative width on either side of a frequency the power is averaged.
+_LOWEST_MODE_HZ = 60.0
+_HIGHEST_MODE = 0.6  # of half the sample rate
+_SMOOTHING = 0.015
+
+# A segment louder or quieter than the average by more than this (in power) belongs to another cut.
+_OTHER_LEVEL = 10.0
+
+
+class AveragedPeriodogram:
+    """Overlapping Hann windows on a fixed grid of the sample index (Welch 1967), each scaled to unit power.
+
+    The scaling makes a segment count by its length and not by its loudness. Segments with missing samples are left out;
+    when the level changes by more than 10 dB, the average starts anew.
+
+    Parameters
+    ----------
+    segment : int
+        Samples in a window.
+    hop : int
+        Samples from one window to the next.
+    memory : float
+        Time constant of the forgetting in samples.
+    """
+
+    def __init__(self, segment: int, hop: int, memory: float) -> None:
+        self._segment = segment
+        self._hop = hop
+        self._forgetting = math.exp(-hop / memory)
+        self._window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
+        squared = self._window**2
+        self._area = float(squared.sum())
+        # how much two windows so many hops apart have in common
+        self._overlap = np.array([squared[d:] @ squared[: segment - d] for d in range(0, segment, hop)])
+        self._recent = np.zeros(segment)
+        self._filled = 0
+        self._since_missing = 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the average, but not the samples."""
+        self._sum = np.zeros(self._segment // 2 + 1)
+        self._weights = np.zeros(len(self._overlap))  # of the last windows, the present one first
+        self._total = 0.0
+        self._common = 0.0
+        self._level = 0.0
+
+    def interrupt(self) -> None:
+        """Forget the samples, too: no window may reach back beyond this moment."""
+        self.restart()
+        self._since_missing = 0
+
+    def take(self, samples: Array) -> bool:
+        """Take the samples up to the next hop, at most; tell whether a window was added to the average.
+
+        Raises
+        ------
+        ValueError
+            When they go beyond the hop.
+        """
+        if len(samples) > self.missing_to_hop:
+            raise ValueError(len(samples))
+        finite = np.isfinite(samples)
+        begin = self._segment - self._hop + self._filled
+        self._recent[begin : begin + len(samples)] = np.where(finite, samples, 0.0)
+        self._filled += len(samples)
+        if not finite.all():
+            self._since_missing = -int(np.flatnonzero(~finite)[-1]) - 1
+        self._since_missing += len(samples)
+        if self._filled < self._hop:
+            return False
+        added = self._since_missing >= self._segment and self._add()
+        self._recent[: -self._hop] = self._recent[self._hop :]
+        self._filled = 0
+        return added
+
+    @property
+    def missing_to_hop(self) -> int:
+        """Samples that complete the present hop."""
+        return self._hop - self._filled
+
+    @property
+    def spectrum(self) -> Array:
+        """Power in each bin, shape (segment / 2 + 1,)."""
+        return self._sum / self._total
+
+    @property
+    def windows(self) -> float:
+        """Independent stretches of a segment's length in the average: what one bin knows.
+
+        A window function v(t) = sum of the forgotten squared windows averages as much as (sum v)^2 / sum v^2 samples.
+        """
+        return self._area**2 * self._total**2 / (self._common * self._segment)
+
+    def _add(self) -> bool:
+        """Add the window that ends now; nothing is added in silence."""
+        power = np.abs(fft.rfft(self._window * self._recent)) ** 2
+        level = float(power.sum())
+        self._weights = np.concatenate(([0.0], self._weights[:-1]))
+        self._forget()
+        if not 0.0 < level < math.inf:
+            return False
+        if self._total > 0.0 and not self._level / _OTHER_LEVEL < level < self._level * _OTHER_LEVEL:
+            self.restart()
+        self._weights[0] = 1.0
+        self._sum += power / level
+        self._total += 1.0
+        self._common += self._overlap[0] + 2.0 * float(self._overlap[1:] @ self._weights[1:])
+        self._level += (level - self._level) / self._total
+        return True
+
+    def _forget(self) -> None:
+        self._sum *= self._forgetting
+        self._total *= self._forgetting
+        self._weights *= self._forgetting
+        self._common *= self._forgetting**2
+
+
+def exceeded_by_chance(windows: float) -> float:
+    """What the ratio of an averaged periodogram to its spectrum hardly exceeds, at 4.5 sigma.
+
+    The ratio has a gamma distribution, whose third root is nearly normal (Wilson and Hilferty 1931).
+    """
+    variance = 1.0 / (9.0 * _HANN_BANDWIDTH * windows)
+    return (1.0 - variance + _OUTLIER_SIGMA * math.sqrt(variance)) ** 3
+
+
+def spindle_lines(spectrum: Array, bin_hz: float, rotation_hz: float, windows: float) -> NDArray[np.bool_]:
+    """Bins around those multiples of the rotation frequency that stand out of their surroundings.
+
+    Parameters
+    ----------
+    spectrum : ndarray of float64, shape (n,)
+        Averaged periodogram from 0 Hz on.
+    bin_hz, rotation_hz : float
+        Distance of its bins, and of the lines.
+    windows : float
+        Independent windows in the average.
+    """
+    lines = np.zeros(len(spectrum), np.bool_)
+    reach = _SURROUNDINGS * bin_hz
+    highest = (len(spectrum) - 1) * bin_hz - reach
+    orders = np.arange(math.ceil(reach / rotation_hz), math.floor(highest / rotation_hz) + 1)
+    centres = np.round(orders * rotation_hz / bin_hz).astype(np.int64)
+    around = spectrum[centres[:, None] + np.arange(-_SURROUNDINGS, _SURROUNDINGS + 1)]
+    tops = around[:, _SURROUNDINGS - 1 : _SURROUNDINGS + 2].max(axis=1)
+    strange = centres[tops > exceeded_by_chance(windows) * np.median(around, axis=1)]
+    for shift in range(-LINE_BINS, LINE_BINS + 1):
+        lines[strange + shift] = True
+    return lines
+
+
+def strongest_peak_hz(spectrum: Array, lines: NDArray[np.bool_], bin_hz: float) -> float:
+    """Frequency around which the power is most concentrated, lines apart, to a few percent: combs are averaged."""
+    bins = np.arange(len(spectrum))
+    half = np.maximum(LINE_BINS + 1, (_SMOOTHING * bins).astype(np.int64))
+    low, high = np.maximum(bins - half, 0), np.minimum(bins + half + 1, len(spectrum))
+    power = np.concatenate(([0.0], np.cumsum(np.where(lines, 0.0, spectrum))))
+    count = np.concatenate(([0], np.cumsum(~lines)))
+    smooth = (power[high] - power[low]) / np.maximum(count[high] - count[low], 1)
+    first, last = int(_LOWEST_MODE_HZ / bin_hz), int(_HIGHEST_MODE * len(spectrum))
+    return float(bin_hz * (first + np.argmax(smooth[first:last])))

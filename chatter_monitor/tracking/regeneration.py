@@ -1,0 +1,252 @@
+"""Maximum-likelihood fit of one mode with a regenerative delay to an averaged periodogram.
+
+Kappa, the modal parameters, the delay and the sensor's colour and noise come from one likelihood, so that what the
+delay does to the poles is not taken for damping, nor the noise for a lack of regeneration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.kernels.delay_roots import critical_coefficient
+from chatter_monitor.kernels.regeneration import (
+    HANN_POWER,
+    KAPPA,
+    LOG_FLOOR,
+    LOG_GAIN,
+    LOG_OMEGA,
+    LOG_TAU,
+    LOG_ZETA,
+    PARAMETERS,
+    REACH,
+    SLOPE,
+    whittle,
+)
+from chatter_monitor.tracking.periodogram import LINE_BINS, exceeded_by_chance
+
+Array = NDArray[np.float64]
+
+# What is believed before the first sample: sensors respond to displacement up to acceleration, structures are damped by
+# 0.5 to 10 %. As wide as they are, they only matter where the spectrum does not tell.
+_SLOPE_MEAN, _SLOPE_SD = 2.0, 2.0
+_LOG_ZETA_MEAN, _LOG_ZETA_SD = np.log(0.025), 1.0
+_LOG_FLOOR_SD = 5.0
+
+_GROUPS, _LEAST_GROUP = 60, 8  # for the lack of fit
+
+_STEPS = 40
+_STEPS_OF_RACE = 6
+_DELAY_RANGE = 2.5  # standard deviations of the given delay that are searched
+_CONVERGED = 0.02  # nats that a step promises: a fifth of a standard deviation, and the step is still taken
+_LARGEST_STEP = np.array([2.0, 2.0, 0.02, 0.5, 0.1, 0.01, 2.0])
+
+
+class Band:
+    """The part of an averaged periodogram that one mode is fitted to.
+
+    Parameters
+    ----------
+    periodogram : ndarray of float64, shape (n,)
+        Averaged, of Hann windows, from 0 Hz on.
+    lines : ndarray of bool, shape (n,)
+        Bins to leave out.
+    bin_hz : float
+        Distance of the bins.
+    mode_hz : float
+        Frequency of the mode, roughly.
+    width : float
+        The band reaches from mode_hz / width to mode_hz width.
+    weight : float
+        Independent windows in the average, in lengths of the window: the information of one bin.
+    """
+
+    def __init__(
+        self, periodogram: Array, lines: NDArray[np.bool_], bin_hz: float, mode_hz: float, width: float, weight: float
+    ) -> None:
+        first = max(REACH, round(mode_hz / width / bin_hz))
+        last = min(len(periodogram) - 1, round(mode_hz * width / bin_hz))
+        self.periodogram = periodogram[first:last]
+        self.used = ~lines[first:last]
+        self.weight = weight
+        self.mode_hz = mode_hz
+        self.bin_hz = bin_hz
+        self.first_hz = first * bin_hz
+        half_bins = 0.5 * np.arange(-REACH, 2 * (last - first) - 1 + REACH)
+        self._log_frequency = np.log((first + half_bins) * bin_hz / mode_hz)
+        self._work = np.zeros((PARAMETERS + 1, len(half_bins)))
+
+    @property
+    def frequency_hz(self) -> Array:
+        """Of each bin."""
+        return self.first_hz + self.bin_hz * np.arange(len(self.periodogram))
+
+    @property
+    def floor(self) -> float:
+        """Where the sensor's noise may be, to an order of magnitude."""
+        return float(np.quantile(self.periodogram, 0.05))
+
+    def evaluate(self, theta: Array) -> tuple[float, Array, Array]:
+        """Negative log-likelihood, its negative gradient and the Fisher information."""
+        score, information = np.empty(PARAMETERS), np.empty((PARAMETERS, PARAMETERS))
+        value = whittle(
+            theta,
+            2.0 * np.pi * self.first_hz,
+            2.0 * np.pi * self.bin_hz,
+            self._log_frequency,
+            self.periodogram,
+            self.used,
+            HANN_POWER,
+            self._work,
+            score,
+            information,
+        )
+        return self.weight * value, self.weight * score, self.weight * information
+
+    def leave_out_outliers(self) -> None:
+        """Leave out what stands out of the spectrum that was evaluated last: lines of other sources, narrow modes."""
+        strange = self.periodogram > exceeded_by_chance(self.weight) * self.model
+        self.used &= ~np.convolve(strange, np.ones(2 * LINE_BINS + 1, np.bool_), "same")
+
+    @property
+    def lack_of_fit(self) -> float:
+        """Scatter of the periodogram about the spectrum evaluated last, on the scale of a few bins: 1 by chance alone.
+
+        Not below 1, so that a variance may be multiplied by it.
+        """
+        excess = (self.periodogram / self.model - 1.0)[self.used]
+        size = max(_LEAST_GROUP, len(excess) // _GROUPS)
+        groups = len(excess) // size
+        sums = excess[: groups * size].reshape(groups, size).sum(axis=1)
+        return max(1.0, float(self.weight * (sums @ sums) / size) / max(1, groups - PARAMETERS))
+
+    @property
+    def model(self) -> Array:
+        """Spectrum at the bins that was evaluated last."""
+        return self._work[0, : len(self.periodogram)].copy()
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """Normal distribution of the parameters, independent; no precision where nothing is believed."""
+
+    mean: Array
+    precision: Array
+
+    @classmethod
+    def of(cls, delay_s: float, delay_uncertainty: float, floor: float) -> Prior:
+        """Prior for a delay known to a relative standard deviation and a floor known to its order of magnitude."""
+        mean, precision = np.zeros(PARAMETERS), np.zeros(PARAMETERS)
+        for index, centre, sd in (
+            (SLOPE, _SLOPE_MEAN, _SLOPE_SD),
+            (LOG_ZETA, _LOG_ZETA_MEAN, _LOG_ZETA_SD),
+            (LOG_TAU, np.log(delay_s), delay_uncertainty),
+            (LOG_FLOOR, np.log(floor), _LOG_FLOOR_SD),
+        ):
+            mean[index], precision[index] = centre, sd**-2
+        return cls(mean, precision)
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Where the posterior is largest.
+
+    Attributes
+    ----------
+    theta : ndarray of float64, shape (7,)
+        Parameters in the order of `kernels.regeneration`.
+    covariance : ndarray of float64, shape (7, 7)
+        Inverse of the information, prior included.
+    value : float
+        Negative log-posterior.
+    """
+
+    theta: Array
+    covariance: Array
+    value: float
+
+
+def fit(band: Band, prior: Prior, start: Array, steps: int = _STEPS) -> Fit:
+    """Fisher scoring with Levenberg's damping from a start."""
+
+    def posterior(theta: Array) -> tuple[float, Array, Array]:
+        value, score, information = band.evaluate(theta)
+        away = theta - prior.mean
+        value += 0.5 * float(prior.precision @ away**2)
+        return value, score - prior.precision * away, information + np.diag(prior.precision)
+
+    theta = start.copy()
+    value, score, information = posterior(theta)
+    damping, rejected = 1e-3, False
+    for _ in range(steps):
+        scale = np.diag(np.diag(information) + 1e-12)
+        step = np.linalg.solve(information + damping * scale, score)
+        step /= max(1.0, float(np.max(abs(step) / _LARGEST_STEP)))
+        promised = float(score @ step)
+        ahead = _stable(theta + step)
+        trial = posterior(ahead)
+        rejected = not trial[0] < value
+        if rejected:
+            damping *= 8.0
+        else:
+            theta, (value, score, information) = ahead, trial
+            damping *= 0.2
+        if promised < _CONVERGED:
+            break
+    if rejected:
+        band.evaluate(theta)  # the spectrum that is left behind shall be that of the result
+    return Fit(theta, np.asarray(np.linalg.inv(information), dtype=np.float64), value)
+
+
+def _stable(theta: Array) -> Array:
+    """Mirror what lies beyond the limit.
+
+    A root as far to the right of the imaginary axis as it was to the left has the same spectrum. What is stationary has
+    none there; growth is for others to see.
+    """
+    critical = critical_coefficient(*np.exp(theta[[LOG_OMEGA, LOG_ZETA, LOG_TAU]]))
+    if theta[KAPPA] > critical:
+        theta[KAPPA] = max(2.0 * critical - theta[KAPPA], 0.5 * critical)
+    return theta
+
+
+def search(band: Band, prior: Prior) -> Fit:
+    """Fit from many starts: every one goes a few steps, the best to the end, then along the delay.
+
+    The likelihood has a maximum for nearly every whole number of waves that the delay may hold within its prior.
+    """
+    delay_s = float(np.exp(prior.mean[LOG_TAU]))
+    races = [fit(band, prior, start, _STEPS_OF_RACE) for start in _starts(band, delay_s)]
+    best = fit(band, prior, min(races, key=lambda found: found.value).theta)
+    spread = float(prior.precision[LOG_TAU]) ** -0.5
+    waves = delay_s * float(np.exp(best.theta[LOG_OMEGA])) / (2.0 * np.pi)
+    halves = int(2.0 * _DELAY_RANGE * spread * waves)
+    for shift in range(-halves, halves + 1):
+        theta = best.theta.copy()
+        theta[LOG_TAU] = prior.mean[LOG_TAU] + 0.5 * shift / waves
+        challenger = fit(band, prior, theta, _STEPS_OF_RACE)
+        if challenger.value < best.value:
+            best = fit(band, prior, challenger.theta)
+    return best
+
+
+def _starts(band: Band, delay_s: float) -> list[Array]:
+    """Parameters from which one fit or another finds the way: with much and little regeneration, beside the peak."""
+    result = []
+    for shift in (0.97, 1.0, 1.03):
+        for zeta in (0.012, 0.035):
+            for share in (0.1, 0.7):
+                theta = np.zeros(PARAMETERS)
+                omega = 2.0 * np.pi * band.mode_hz * shift
+                theta[SLOPE] = _SLOPE_MEAN
+                theta[LOG_OMEGA] = np.log(omega)
+                theta[LOG_ZETA] = np.log(zeta)
+                theta[KAPPA] = share * min(critical_coefficient(omega, zeta, delay_s), 10.0 * zeta)
+                theta[LOG_TAU] = np.log(delay_s)
+                theta[LOG_FLOOR] = np.log(band.floor)
+                band.evaluate(theta)  # for gain 1
+                theta[LOG_GAIN] = np.log(band.periodogram.mean() / band.model.mean())
+                result.append(theta)
+    return result
