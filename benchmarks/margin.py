@@ -283,7 +283,7 @@ def cost() -> str:
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, default=300)
+    parser.add_argument("--cases", type=int, default=200)
     parser.add_argument("--development", action="store_true", help="seeds that may be looked at while developing")
     arguments = parser.parse_args()
     first = 0 if arguments.development else REPORT_SEED

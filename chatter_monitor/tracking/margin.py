@@ -27,6 +27,7 @@ Interval = tuple[float, float]
 SEGMENT_FRAMES = 50  # 2.5 s: bins of 0.4 Hz
 HOP_FRAMES = 10  # windows that overlap by four fifths lose nothing
 FRAMES_PER_FIT = 20
+_LOWEST_HZ = 60.0  # of a mode; below are offset and drift
 _CONFIDENCE_95 = 1.96
 # Regeneration is visible when kappa is so many standard deviations above zero.
 _VISIBLE = 2.0
@@ -42,6 +43,10 @@ _STEPS = 6  # from one fit to the next
 _WIDTHS = (1.6, 1.3, 1.12)
 _OTHER_MODES = 2.0
 _UNEXPLAINED = 4.0
+# What rises less than this above the median of its surroundings is no mode.
+_STANDS_OUT = 4.0
+_NO_MODE = "no mode stands out"
+_UNLIKE = "the spectrum is not that of one mode with regeneration"
 
 
 class MarginSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -52,8 +57,8 @@ class MarginSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     memory_s : float
         Time constant of the exponential forgetting; the effective window is twice as long.
     speed_uncertainty : float
-        Relative standard deviation of the rotation frequency that is given. Within it the delay is estimated from the
-        signal itself.
+        Least relative standard deviation of the rotation frequency that is given. Within it the delay is estimated from
+        the signal itself.
     """
 
     memory_s: Annotated[float, msgspec.Meta(gt=0)] = 5.0
@@ -108,6 +113,8 @@ def margin_of(found: Fit, lack_of_fit: float) -> Margin:
         gradients[:, i] = (above - below) / 2e-5
     ratio, damping = _ratio_and_damping(physical, root).tolist()
     ratio_sd, damping_sd = np.sqrt(np.einsum("ij,jk,ik->i", gradients, covariance, gradients)).tolist()
+    if not math.isfinite(ratio_sd + damping_sd):
+        return Margin(reason=_UNLIKE)
     low, high = ratio - _CONFIDENCE_95 * ratio_sd, ratio + _CONFIDENCE_95 * ratio_sd
     kappa_sd = math.sqrt(covariance[2, 2])
     margin = Margin(
@@ -151,7 +158,7 @@ def _percent(ratio: float) -> float:
 class MarginTracker:
     """Regeneration of one channel: blocks in, a margin for every frame out.
 
-    Frames are those of the `Tracker`. A fit is made every ten of them and holds until the next. Tooth passing harmonics
+    Frames are those of the `Tracker`. A fit is made every twenty of them and holds until the next. Spindle harmonics
     should have been removed from the signal; what is left of them is kept out of the fit.
 
     Parameters
@@ -172,17 +179,21 @@ class MarginTracker:
         self._frame = round(INTERVAL_S * sample_rate_hz)
         self._bin_hz = sample_rate_hz / (SEGMENT_FRAMES * self._frame)
         self._periodogram = AveragedPeriodogram(
-            SEGMENT_FRAMES * self._frame, HOP_FRAMES * self._frame, settings.memory_s * sample_rate_hz
+            SEGMENT_FRAMES * self._frame,
+            HOP_FRAMES * self._frame,
+            settings.memory_s * sample_rate_hz,
+            lowest_bin=math.ceil(_LOWEST_HZ / self._bin_hz),
         )
         self._samples = 0
         self._rotation_hz: float | None = None
         self._margin = Margin(reason="the spindle speed is unknown")
+        self._uncertainty = settings.speed_uncertainty
         self._renewed = False
         self._fit: Fit | None = None
         self._mode_hz = 0.0
         self._width = 0
 
-    def process(self, samples: Array, rotation_hz: float | None) -> list[Margin]:
+    def process(self, samples: Array, rotation_hz: float | None, rotation_sd_hz: float | None = None) -> list[Margin]:
         """Take samples and return the margin of each frame that they complete.
 
         Parameters
@@ -191,8 +202,10 @@ class MarginTracker:
             The signal; what is not finite is missing.
         rotation_hz : float or None
             Rotation frequency of the spindle during these samples; None if it is not known.
+        rotation_sd_hz : float, optional
+            Its standard deviation, if that is larger than the settings' uncertainty.
         """
-        self._follow_speed(rotation_hz)
+        self._follow_speed(rotation_hz, rotation_sd_hz)
         margins = []
         while len(samples):
             size = min(len(samples), self._frame - self._samples % self._frame)
@@ -200,21 +213,26 @@ class MarginTracker:
             samples = samples[size:]
             self._samples += size
             due = self._samples % (FRAMES_PER_FIT * self._frame) == 0
-            if due and self._renewed and rotation_hz is not None:
-                self._update(rotation_hz)
+            if due and rotation_hz is not None:
+                if self._renewed:
+                    self._update(rotation_hz)
+                elif self._fit is not None:
+                    self._margin = Margin(reason="samples are missing, or nothing moves")
                 self._renewed = False
             if self._samples % self._frame == 0:
                 margins.append(self._margin)
         return margins
 
-    def _follow_speed(self, rotation_hz: float | None) -> None:
+    def _follow_speed(self, rotation_hz: float | None, rotation_sd_hz: float | None) -> None:
         """Start anew when the teeth pass at another pace, because the comb of their delay is another one."""
-        known = self._rotation_hz
+        known, uncertainty = self._rotation_hz, self._uncertainty
+        if rotation_hz is not None:
+            self._uncertainty = max(self._settings.speed_uncertainty, (rotation_sd_hz or 0.0) / rotation_hz)
         if rotation_hz == known:
             return
         if rotation_hz is None:
             self._start_anew("the spindle speed is unknown")
-        elif known is None or abs(rotation_hz / known - 1.0) > _OTHER_SPEED * self._settings.speed_uncertainty:
+        elif known is None or abs(rotation_hz / known - 1.0) > _OTHER_SPEED * uncertainty:
             self._start_anew("too little signal yet at this speed")
         else:
             return  # the speed that the average began with stays the reference: many small steps are a large one
@@ -237,7 +255,7 @@ class MarginTracker:
         theta = None if self._fit is None else self._fit.theta
         for width in range(self._width, len(_WIDTHS)):
             band = Band(spectrum, lines, self._bin_hz, self._mode_hz, _WIDTHS[width], windows)
-            prior = Prior.of(delay_s, self._settings.speed_uncertainty, band.floor)
+            prior = Prior.of(delay_s, self._uncertainty, band.floor)
             if theta is None:
                 theta = search(band, prior).theta
             band.evaluate(theta)
@@ -245,9 +263,9 @@ class MarginTracker:
             found = fit(band, prior, theta, _STEPS)
             lack_of_fit = band.lack_of_fit
             self._fit, self._width = found, width
-            self._margin = margin_of(found, lack_of_fit)
+            self._margin = margin_of(found, lack_of_fit) if band.contrast > _STANDS_OUT else Margin(reason=_NO_MODE)
             if lack_of_fit < _OTHER_MODES:
                 return
             theta = None
         if lack_of_fit > _UNEXPLAINED:
-            self._margin = Margin(reason="the spectrum is not that of one mode with regeneration")
+            self._margin = Margin(reason=_UNLIKE)

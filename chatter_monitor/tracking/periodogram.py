@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
+
 Array = NDArray[np.float64]
 
 # A line spreads over so many bins on either side of its own; its surroundings are so many.
@@ -16,8 +18,7 @@ _SURROUNDINGS = 12
 _OUTLIER_SIGMA = 4.5
 _HANN_BANDWIDTH = 1.5  # equivalent noise bandwidth of the window in bins
 
-# Where modes are looked for, and over what relative width on either side of a frequency the power is averaged.
-_LOWEST_MODE_HZ = 60.0
+# Up to where modes are looked for, and over what relative width on either side of a frequency the power is averaged.
 _HIGHEST_MODE = 0.6  # of half the sample rate
 _SMOOTHING = 0.015
 
@@ -39,10 +40,13 @@ class AveragedPeriodogram:
         Samples from one window to the next.
     memory : float
         Time constant of the forgetting in samples.
+    lowest_bin : int
+        Bins below are emptied: an offset should not hide a change of level.
     """
 
-    def __init__(self, segment: int, hop: int, memory: float) -> None:
+    def __init__(self, segment: int, hop: int, memory: float, lowest_bin: int = 0) -> None:
         self._segment = segment
+        self._lowest_bin = lowest_bin
         self._hop = hop
         self._forgetting = math.exp(-hop / memory)
         self._window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
@@ -78,7 +82,7 @@ class AveragedPeriodogram:
         """
         if len(samples) > self.missing_to_hop:
             raise ValueError(len(samples))
-        finite = np.isfinite(samples)
+        finite = np.abs(samples) < LARGEST_SAMPLE  # neither NaN nor too large to be squared
         begin = self._segment - self._hop + self._filled
         self._recent[begin : begin + len(samples)] = np.where(finite, samples, 0.0)
         self._filled += len(samples)
@@ -113,6 +117,7 @@ class AveragedPeriodogram:
     def _add(self) -> bool:
         """Add the window that ends now; nothing is added in silence."""
         power = np.abs(fft.rfft(self._window * self._recent)) ** 2
+        power[: self._lowest_bin] = 0.0
         level = float(power.sum())
         self._weights = np.concatenate(([0.0], self._weights[:-1]))
         self._forget()
@@ -176,5 +181,4 @@ def strongest_peak_hz(spectrum: Array, lines: NDArray[np.bool_], bin_hz: float) 
     power = np.concatenate(([0.0], np.cumsum(np.where(lines, 0.0, spectrum))))
     count = np.concatenate(([0], np.cumsum(~lines)))
     smooth = (power[high] - power[low]) / np.maximum(count[high] - count[low], 1)
-    first, last = int(_LOWEST_MODE_HZ / bin_hz), int(_HIGHEST_MODE * len(spectrum))
-    return float(bin_hz * (first + np.argmax(smooth[first:last])))
+    return float(bin_hz * np.argmax(smooth[: int(_HIGHEST_MODE * len(spectrum))]))

@@ -79,14 +79,9 @@ class Band:
         self._work = np.zeros((PARAMETERS + 1, len(half_bins)))
 
     @property
-    def frequency_hz(self) -> Array:
-        """Of each bin."""
-        return self.first_hz + self.bin_hz * np.arange(len(self.periodogram))
-
-    @property
     def floor(self) -> float:
         """Where the sensor's noise may be, to an order of magnitude."""
-        return float(np.quantile(self.periodogram, 0.05))
+        return float(np.maximum(np.quantile(self.periodogram, 0.05), 1e-9 * self.periodogram.max()))
 
     def evaluate(self, theta: Array) -> tuple[float, Array, Array]:
         """Negative log-likelihood, its negative gradient and the Fisher information."""
@@ -121,6 +116,11 @@ class Band:
         groups = len(excess) // size
         sums = excess[: groups * size].reshape(groups, size).sum(axis=1)
         return max(1.0, float(self.weight * (sums @ sums) / size) / max(1, groups - PARAMETERS))
+
+    @property
+    def contrast(self) -> float:
+        """How far the largest of the spectrum that was evaluated last stands out of its median."""
+        return float(self.model.max() / np.median(self.model))
 
     @property
     def model(self) -> Array:
