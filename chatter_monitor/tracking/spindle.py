@@ -16,7 +16,16 @@ class SpindleSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Spindle speed; None where nobody knows.
     teeth : int
         Cutting edges that pass in one revolution; 1 for turning.
+    min_rpm, max_rpm : float or None
+        What the spindle can do, for advice on other speeds.
     """
 
     speed_rpm: Annotated[float, msgspec.Meta(gt=0)] | None = None
     teeth: Annotated[int, msgspec.Meta(ge=1)] = 1
+    min_rpm: Annotated[float, msgspec.Meta(gt=0)] | None = None
+    max_rpm: Annotated[float, msgspec.Meta(gt=0)] | None = None
+
+    def __post_init__(self) -> None:
+        if self.min_rpm is not None and self.max_rpm is not None and self.min_rpm > self.max_rpm:
+            msg = f"min_rpm must not be above max_rpm, got {self.min_rpm} and {self.max_rpm}"
+            raise ValueError(msg)

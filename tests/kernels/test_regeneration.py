@@ -1,0 +1,76 @@
+"""Whittle's likelihood of the regenerative spectrum against a twin that can be checked by eye."""
+
+import numpy as np
+import pytest
+
+from chatter_monitor.kernels.regeneration import HANN_POWER, PARAMETERS, REACH, whittle
+
+FIRST, WIDTH, CENTRE, BINS = 2 * np.pi * 600.0, 2 * np.pi * 0.4, 2 * np.pi * 950.0, 1500
+THETA = np.array([-3.0, 1.7, np.log(2 * np.pi * 990.0), np.log(0.03), 0.025, np.log(0.027), -5.0])
+
+
+def spectrum(theta, omega):
+    """S at some frequencies, as written in the module's docstring."""
+    gain, floor = np.exp(theta[0]), np.exp(theta[6])
+    slope, w, zeta, kappa, tau = theta[1], np.exp(theta[2]), np.exp(theta[3]), theta[4], np.exp(theta[5])
+    r = omega / w
+    D = 1 - r**2 + 2j * zeta * r + kappa * (1 - np.exp(-1j * omega * tau))
+    return gain * (omega / CENTRE) ** slope / abs(D) ** 2 + floor
+
+
+def windowed(theta):
+    """Mean of a periodogram of Hann windows: S convolved with the window's power response, finely."""
+    fine = np.arange(-4.0, 4.0, 0.01) + 0.005
+    response = (np.sinc(fine) / (1 - fine**2)) ** 2
+    response /= response.sum()
+    omega = FIRST + WIDTH * np.arange(BINS)
+    return sum(weight * spectrum(theta, omega + WIDTH * shift) for shift, weight in zip(fine, response, strict=True))
+
+
+def run(theta, periodogram, used=None):
+    half_bins = 0.5 * np.arange(-REACH, 2 * BINS - 1 + REACH)
+    log_frequency = np.log((FIRST + WIDTH * half_bins) / CENTRE)
+    work = np.zeros((PARAMETERS + 1, half_bins.size))
+    score, information = np.empty(PARAMETERS), np.empty((PARAMETERS, PARAMETERS))
+    used = np.ones(BINS, np.bool_) if used is None else used
+    value = whittle(theta, FIRST, WIDTH, log_frequency, periodogram, used, HANN_POWER, work, score, information)
+    return value, score, information, work[0, :BINS].copy()
+
+
+def test_the_model_is_the_mean_of_a_windowed_periodogram():
+    """The spectrum left behind is S seen through the Hann window, within 0.5 % at the sharpest peak."""
+    model = run(THETA, np.ones(BINS))[3]
+    np.testing.assert_allclose(model, windowed(THETA), rtol=5e-3)
+
+
+def test_the_likelihood_is_the_sum_over_the_bins_in_use():
+    """Sum of log S + I / S; bins that are left out change nothing, whatever is in them."""
+    rng = np.random.default_rng(1)
+    periodogram = rng.exponential(size=BINS)
+    used = rng.random(BINS) < 0.9
+    value, score, _, model = run(THETA, periodogram, used)
+    assert value == pytest.approx(np.sum((np.log(model) + periodogram / model)[used]))
+    other_value, other_score, _, _ = run(THETA, np.where(used, periodogram, 1e9), used)
+    assert other_value == value
+    np.testing.assert_array_equal(other_score, score)
+
+
+def test_the_score_is_the_negative_gradient():
+    """Each entry agrees with a central difference of the likelihood."""
+    periodogram = run(THETA, np.ones(BINS))[3] * np.random.default_rng(2).exponential(size=BINS)
+    _, score, _, _ = run(THETA, periodogram)
+    for i in range(PARAMETERS):
+        step = 1e-6 * np.eye(PARAMETERS)[i]
+        slope = (run(THETA + step, periodogram)[0] - run(THETA - step, periodogram)[0]) / 2e-6
+        assert -slope == pytest.approx(score[i], rel=1e-3, abs=1e-2)
+
+
+def test_the_information_is_the_hessian_where_the_model_is_true():
+    """With the periodogram equal to its mean, differences of the score give the Fisher information."""
+    truth = run(THETA, np.ones(BINS))[3]
+    _, score, information, _ = run(THETA, truth)
+    np.testing.assert_allclose(score, 0.0, atol=1e-9)
+    for i in range(PARAMETERS):
+        step = 1e-6 * np.eye(PARAMETERS)[i]
+        row = (run(THETA - step, truth)[1] - run(THETA + step, truth)[1]) / 2e-6
+        np.testing.assert_allclose(row, information[i], rtol=1e-3, atol=1e-4 * np.abs(information[i]).max())
