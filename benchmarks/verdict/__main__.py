@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.progress import track
@@ -44,13 +46,22 @@ def main() -> None:
     if chosen.out is not None:
         chosen.out.mkdir(parents=True, exist_ok=True)
         document = {"split": chosen.split, "cuts": chosen.cuts, "results": results}
-        (chosen.out / "results.json").write_text(json.dumps(document, indent=1))
+        (chosen.out / "results.json").write_text(json.dumps(_finite(document), indent=1, allow_nan=False))
         for name, list_of in heard.items():
             stem = name.replace(" ", "_")
             draw_curves(name, found[name], list_of, chosen.out / f"curves_{stem}.png")
             draw_reliability(name, results[name]["reliability"], chosen.out / f"reliability_{stem}.png")
             draw_worst(name, list_of, chosen.out / f"worst_{stem}.png")
         console.print(f"Results and pictures: {chosen.out}")
+
+
+def _finite(value: Any) -> Any:
+    """Replace infinite lags by null: JSON has no infinity, and `never` counts them."""
+    if isinstance(value, dict):
+        return {key: _finite(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [_finite(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 if __name__ == "__main__":

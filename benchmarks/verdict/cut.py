@@ -65,7 +65,8 @@ class Truth:
     kappa, kappa_critical : ndarray
         Process stiffness over that of the first mode, and its value at the limit of stability at the present speed.
     synchronous_share : ndarray
-        Power of the same cut without anything random in it, and never deeper than 80 % of the limit, over its power.
+        Power of the same cut without anything random in it, and never deeper than 80 % of the limit, over that of
+        the recording with its noise and tones.
     limited : ndarray
         Part of the time in which the tool is out of the cut or its flank rubs.
     vibration_rms : ndarray

@@ -58,6 +58,7 @@ def _plain(rng: np.random.Generator, teeth: int | None = None, longest_delay: fl
         depth_wander=float(rng.uniform(0.0, 0.08)),
         feed_wander=_log_uniform(rng, 0.01, 0.4),
         clearance=_log_uniform(rng, 0.03, 0.6),
+        clearance_wander=_log_uniform(rng, 0.05, 0.6),
         direct=10 ** float(rng.uniform(-1.5, -0.5) if sensor == "displacement" else rng.uniform(-1.0, 0.3)),
         direct_decay_s=_log_uniform(rng, 0.001, 0.015),
         sensor=sensor,

@@ -14,7 +14,7 @@ from scipy.signal import fftconvolve, lfilter
 from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, RATE_HZ, Cut
 from benchmarks.verdict.cutting import Drive, vibration
 from benchmarks.verdict.families import FAMILIES
-from benchmarks.verdict.labels import Heard, judge_truth
+from benchmarks.verdict.labels import Heard, interval_rms, judge_truth
 from benchmarks.verdict.recipe import Engagement, Recipe
 from benchmarks.verdict.roots import critical_kappa
 
@@ -58,12 +58,8 @@ def simulate(recipe: Recipe, name: str, family: str, rng: np.random.Generator) -
     n = round((intervals * INTERVAL_S + 2.0 * MARGIN_S) * STEP_HZ)
     t = np.arange(n) / STEP_HZ - MARGIN_S
 
-    rpm = recipe.rpm(t) * (1.0 + WANDER * _wander(rng, n, WANDER_CORNER_HZ))
-    revolutions = np.cumsum(rpm) / (60.0 * STEP_HZ) + rng.uniform(0.0, 1.0)
+    rpm, revolutions, delay_s = _turning(rng, recipe, t)
     tooth_phase = recipe.teeth * revolutions
-    earlier = np.interp(tooth_phase - 1.0, tooth_phase, t, left=np.nan)
-    delay_s = np.where(np.isnan(earlier), 60.0 / (recipe.teeth * rpm), t - earlier)
-
     harmonics = recipe.engagement.harmonics()
     limit = min(
         critical_kappa(recipe.modes, 60.0 / (recipe.teeth * speed), harmonics) for speed in set(recipe.rpm.values)
@@ -79,30 +75,27 @@ def simulate(recipe: Recipe, name: str, family: str, rng: np.random.Generator) -
     shallower = np.minimum(1.0, CALM_DEPTH * limit / np.maximum(kappa, 1e-12))
     calm = Drive(mean * shallower, feed, run_out, delay_s * STEP_HZ, np.zeros(n), np.full(n, np.inf))
     forced, steepest = _run(recipe, calm, path, t, keep)
-    steepest += recipe.clearance * recipe.modes[0].omega
-    drive = Drive(unsteady, feed, run_out, delay_s * STEP_HZ, _blows(recipe, t), np.full(n, steepest))
+    uneven = np.maximum(0.1, 1.0 + recipe.clearance_wander * _wander(rng, n, rng.uniform(0.5, 15.0)))
+    beyond = recipe.clearance * recipe.modes[0].omega * uneven
+    drive = Drive(unsteady, feed, run_out, delay_s * STEP_HZ, _blows(recipe, t), steepest + beyond)
     heard, _ = _run(recipe, drive, path, t, keep)
     level = recipe.direct * _rms(heard[0].vibration) / _rms(heard[1].vibration)
     cut_sound, forced_sound = (Heard(m.vibration + level * d.vibration, m.limited) for m, d in (heard, forced))
 
     middle = INTERVAL_S * (np.arange(intervals) + 0.5)
-    truth = judge_truth(
-        recipe, harmonics, np.interp(middle, t, kappa), np.interp(middle, t, rpm), cut_sound, forced_sound
-    )
-    usual = float(np.sqrt(np.mean(truth.vibration_rms[truth.kappa > 0] ** 2)))
+    depth = np.interp(middle, t, kappa)
+    usual = float(np.sqrt(np.mean(cut_sound.rms[depth > 0] ** 2)))
     samples = cut_sound.vibration + _tones(rng, recipe, cut_sound.vibration.size, usual)
     samples += usual * 10 ** (-recipe.snr_db / 20.0) * _room_noise(rng, samples.size)
-    peak = float(np.max(np.abs(samples)))
-    full_scale = 10 ** rng.uniform(-2.5, -0.05)
-    samples *= full_scale / peak
-    if recipe.clip is not None:
-        samples = np.clip(samples / full_scale, -recipe.clip, recipe.clip) / recipe.clip
+    share = np.minimum((forced_sound.rms / interval_rms(samples)) ** 2, 1.0)
+    truth = judge_truth(recipe, harmonics, depth, np.interp(middle, t, rpm), cut_sound, forced_sound.limited, share)
+    samples = _delivered(rng, recipe, samples)
     off = rng.choice((-1.0, 1.0)) * rng.uniform(0.01, 0.03)
     coarse = slice(None, None, round(0.01 * STEP_HZ))
     return Cut(
         name=name,
         family=family,
-        samples=samples.astype(np.float32).astype(np.float64),  # as a recording has them
+        samples=samples,
         rate_hz=RATE_HZ,
         nominal_rpm=float(recipe.rpm.values[0] * (1.0 + off)),
         teeth=recipe.teeth,
@@ -112,6 +105,24 @@ def simulate(recipe: Recipe, name: str, family: str, rng: np.random.Generator) -
         sensor=recipe.sensor,
         truth=truth,
     )
+
+
+def _turning(rng: np.random.Generator, recipe: Recipe, t: Floats) -> tuple[Floats, Floats, Floats]:
+    """Speed with its wander, revolutions so far, and the time since the tooth before passed the same place."""
+    rpm = recipe.rpm(t) * (1.0 + WANDER * _wander(rng, t.size, WANDER_CORNER_HZ))
+    revolutions = np.cumsum(rpm) / (60.0 * STEP_HZ) + rng.uniform(0.0, 1.0)
+    earlier = np.interp(revolutions - 1.0 / recipe.teeth, revolutions, t, left=np.nan)
+    return rpm, revolutions, np.where(np.isnan(earlier), 60.0 / (recipe.teeth * rpm), t - earlier)
+
+
+def _delivered(rng: np.random.Generator, recipe: Recipe, samples: Floats) -> Floats:
+    """Scale to some gain within full scale; an overdriven input clips what is beyond it."""
+    peak = float(np.max(np.abs(samples)))
+    gain = 10 ** rng.uniform(-2.5, -0.05) / peak
+    if recipe.clip is not None:
+        samples = np.clip(samples / peak, -recipe.clip, recipe.clip)
+        gain = 1.0 / recipe.clip
+    return np.asarray((gain * samples).astype(np.float32).astype(np.float64))  # as a recording has them
 
 
 def _run(recipe: Recipe, drive: Drive, path: Floats, t: Floats, keep: slice) -> tuple[tuple[Heard, Heard], float]:

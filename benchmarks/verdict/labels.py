@@ -32,11 +32,22 @@ class Heard:
     @property
     def rms(self) -> Floats:
         """Of each interval."""
-        return np.asarray(np.sqrt(np.mean(self.vibration.reshape(-1, INTERVAL_SAMPLES) ** 2, axis=1)))
+        return interval_rms(self.vibration)
+
+
+def interval_rms(signal: Floats) -> Floats:
+    """Root mean square of each interval."""
+    return np.asarray(np.sqrt(np.mean(signal.reshape(-1, INTERVAL_SAMPLES) ** 2, axis=1)))
 
 
 def judge_truth(
-    recipe: Recipe, harmonics: NDArray[np.complex128], kappa: Floats, rpm: Floats, heard: Heard, forced: Heard
+    recipe: Recipe,
+    harmonics: NDArray[np.complex128],
+    kappa: Floats,
+    rpm: Floats,
+    heard: Heard,
+    forced_limited: Floats,
+    synchronous_share: Floats,
 ) -> Truth:
     """Truth of every interval.
 
@@ -48,8 +59,12 @@ def judge_truth(
         Of the modulation of the process stiffness.
     kappa, rpm : ndarray, shape (intervals,)
         Process stiffness and true speed in the middle of each.
-    heard, forced : Heard
-        The cut, and the same cut with nothing random in it.
+    heard : Heard
+        The cut.
+    forced_limited : ndarray, shape (intervals,)
+        What `Heard.limited` is with nothing random in it.
+    synchronous_share : ndarray, shape (intervals,)
+        As in `Truth`.
     """
     tau = 60.0 / (recipe.teeth * rpm)
     root = rightmost_root(recipe.modes, kappa, tau, harmonics)
@@ -57,16 +72,15 @@ def judge_truth(
     speeds = np.linspace(rpm.min(), rpm.max(), SPEEDS_OF_LIMIT)
     limits = [critical_kappa(recipe.modes, 60.0 / (recipe.teeth * speed), harmonics) for speed in speeds]
     rms = heard.rms
-    share = np.minimum((forced.rms / np.maximum(rms, 1e-30)) ** 2, 1.0)
-    saturated = heard.limited > forced.limited + LIMITED
-    label, stretches = _labels(damping, rms, share, saturated)
+    saturated = heard.limited > forced_limited + LIMITED
+    label, stretches = _labels(damping, rms, synchronous_share, saturated)
     return Truth(
         label=label,
         damping_ratio=damping,
         frequency_hz=np.abs(root) / (2.0 * np.pi),
         kappa=kappa,
         kappa_critical=np.interp(rpm, speeds, limits),
-        synchronous_share=share,
+        synchronous_share=synchronous_share,
         limited=heard.limited,
         vibration_rms=rms,
         unstable=tuple(replace(s, doubled_s=_doubled(heard.vibration, s.zero_s)) for s in stretches),

@@ -111,6 +111,8 @@ class Recipe:
         stock not even. The former is part of the truth.
     clearance : float
         Amplitude of the first mode, over the nominal feed and beyond what the teeth cause, at which the flank rubs.
+    clearance_wander : float
+        Standard deviation of slow changes of that over its mean: the surface and the wear that the flank meets.
     direct : float
         What the force excites elsewhere (dense modes of machine and room) in the sensor: rms over that of `modes`.
     direct_decay_s : float
@@ -135,6 +137,7 @@ class Recipe:
     depth_wander: float
     feed_wander: float
     clearance: float
+    clearance_wander: float
     direct: float
     direct_decay_s: float
     sensor: Sensor

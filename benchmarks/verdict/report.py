@@ -22,7 +22,7 @@ from benchmarks.verdict.scoring import (
 
 
 def as_results(heard: list[Heard], found: list[Detector]) -> dict[str, Any]:
-    """All scores of one way to run the monitor and of its peers, ready for JSON (infinite lags apart)."""
+    """All scores of one way to run the monitor and of its peers."""
     groups = {"all": heard}
     groups |= {family: [h for h in heard if h.cut.family == family] for family in FAMILIES}
     groups |= {
