@@ -25,6 +25,7 @@ check: $(READY)
 bench: $(READY)
 	$(BIN)/python -m benchmarks.tracker_speed
 	$(BIN)/python -m benchmarks.tracker_accuracy
+	$(BIN)/python -m benchmarks.orders
 	$(BIN)/python -m benchmarks.simulator
 	$(BIN)/python -m benchmarks.identification
 	$(BIN)/python -m benchmarks.latency

@@ -17,9 +17,9 @@ from scipy.special import gammaln
 
 from chatter_monitor.kernels.comb import surprise
 
-# Power of a line over the noise around it; noise alone, exponentially distributed, reaches it in one of 3 million bins.
-LINE_TO_NOISE = 15.0
-FLOOR_BINS = 64
+# Power of a line over the noise around it; noise alone reaches it about once in twenty spectra.
+LINE_TO_NOISE = 17.0
+FLOOR_BINS = 128
 STRONGEST = 12
 # Lines are this exact: of the spectrum's resolution, and of the frequency, for a speed that is not quite constant.
 EXACT_BINS = 0.7
@@ -29,6 +29,7 @@ AHEAD = 3.0
 # What a self-excited vibration brings along: multiples of its frequency, and sidebands on either side of each.
 OVERTONES = 3
 SIDEBANDS = 4
+FORCED = 8  # and multiples of the sidebands' spacing
 # Log of the odds against chance, over all the combs that were tried.
 ENOUGH = math.log(1000.0)
 
@@ -46,6 +47,10 @@ class Lines:
         near = np.abs(self.frequency_hz - order * fundamental_hz) <= self.tolerance_hz
         result: NDArray[np.bool_] = near & (order >= 1)
         return result
+
+    def without(self, some: NDArray[np.bool_]) -> Lines:
+        """The other lines."""
+        return Lines(self.frequency_hz[~some], self.tolerance_hz[~some])
 
     def orders(self, fundamental_hz: float) -> NDArray[np.int64]:
         """Orders of the lines on multiples of a frequency, ascending."""
@@ -149,9 +154,9 @@ def find_comb(lines: Lines, target: Target) -> Comb | None:
         if comb is None:
             return None
         evidence, family = _best_family(lines)
-        if evidence < comb.evidence - AHEAD:
+        if evidence < comb.evidence - AHEAD or not family.any():
             return comb
-        lines = Lines(lines.frequency_hz[~family], lines.tolerance_hz[~family])
+        lines = lines.without(family)
     return None
 
 
@@ -169,7 +174,7 @@ def _best_comb(lines: Lines, target: Target) -> Comb | None:
 
 
 def _best_family(lines: Lines) -> tuple[float, NDArray[np.bool_]]:
-    """Lines that a self-excited vibration explains best: its overtones, and sidebands around them.
+    """Lines that a self-excited vibration explains best: its overtones, sidebands around them, the forced lines beside.
 
     The sidebands' spacing is that of two lines, or a part of it; a vibration that is a multiple of the spacing is not
     self-excited for all that can be seen.
@@ -179,7 +184,7 @@ def _best_family(lines: Lines) -> tuple[float, NDArray[np.bool_]]:
     float
         Log odds against chance, counted as for a comb.
     ndarray of bool, shape (lines,)
-        Which lines these are.
+        Which lines these are, without the forced ones.
     """
     frequency, tolerance = lines.frequency_hz, lines.tolerance_hz
     n = len(frequency)
@@ -195,16 +200,20 @@ def _best_family(lines: Lines) -> tuple[float, NDArray[np.bool_]]:
     from_overtone = frequency - np.arange(1, OVERTONES + 1)[:, np.newaxis] * carrier  # candidate, overtone, line
     sideband = np.round(from_overtone / spacing)
     near = np.abs(from_overtone - sideband * spacing) <= 2.0 * tolerance
-    on: NDArray[np.bool_] = np.any(near & (np.abs(sideband) <= SIDEBANDS), axis=1)
-    places = OVERTONES * (2 * SIDEBANDS + 1)
+    family: NDArray[np.bool_] = np.any(near & (np.abs(sideband) <= SIDEBANDS), axis=1)
+    # forced lines at the spacing itself go well with it
+    multiple = np.round(frequency / spacing[:, 0])
+    forced = (np.abs(frequency - multiple * spacing[:, 0]) <= 2.0 * tolerance) & (multiple >= 1) & (multiple <= FORCED)
+    on = family | forced
+    places = OVERTONES * (2 * SIDEBANDS + 1) + FORCED
     chance = np.minimum(1.0, places * 4.0 * tolerance / frequency.max())
     surprises = np.sort(np.where(on, -np.log(chance), 0.0), axis=1)
     # two lines are on it for certain
     hits = on.sum(axis=1)
     evidence = surprises[:, :-2].sum(axis=1) - _choices(n - 2, hits - 2) - math.log(len(hits))
-    evidence[hits < 3] = -math.inf
+    evidence[family.sum(axis=1) < 3] = -math.inf
     best = int(np.argmax(evidence))
-    return float(evidence[best]), on[best]
+    return float(evidence[best]), family[best] & ~forced[best]
 
 
 def _choices(n: int, k: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -72,8 +72,21 @@ class CombFollower:
         else:
             self.harmonics.subtract(samples, out)
 
-    def end_frame(self, samples: NDArray[np.float64]) -> bool:
-        """Learn from a full frame of samples, and look for a comb when it is time; whether a new one was found."""
+    def end_frame(self, samples: NDArray[np.float64], taken_hz: float | None = None) -> bool:
+        """Learn from a full frame of samples, and look for a comb when it is time.
+
+        Parameters
+        ----------
+        samples : ndarray of float64, shape (frame,)
+            The signal; missing samples are not finite.
+        taken_hz : float, optional
+            Fundamental of a comb that has been taken out of it; what may be left of its lines does not count.
+
+        Returns
+        -------
+        bool
+            Whether a new comb was found.
+        """
         self._frames += 1
         if self.harmonics is not None:
             self.harmonics.learn()
@@ -87,7 +100,7 @@ class CombFollower:
         if self.harmonics is not None or self._rest > 0 or self._heard < needed:
             return False
         self._rest = len(self._past) // 2
-        return self._search()
+        return self._search(taken_hz)
 
     def _check(self, harmonics: Harmonics) -> None:
         """Give up a comb that has not been one for too long."""
@@ -104,11 +117,14 @@ class CombFollower:
             self._spectra[len(past)] = Spectrum(past.size, self._rate_hz, self._lowest_hz)
         return self._spectra[len(past)].lines(past.ravel())
 
-    def _search(self) -> bool:
+    def _search(self, taken_hz: float | None) -> bool:
         """Look through the past for a comb, and follow it from there to now."""
         last = np.arange(self._frames - self._heard + 1, self._frames + 1) % len(self._past)
         past = self._past[last]
-        comb = find_comb(self._lines(past), self._target)
+        lines = self._lines(past)
+        if taken_hz is not None:
+            lines = lines.without(lines.on(taken_hz))
+        comb = find_comb(lines, self._target)
         if comb is None:
             return False
         sd_hz = max(comb.fundamental_sd_hz, START_SD * comb.fundamental_hz)

@@ -198,7 +198,7 @@ class OrderTracker:
         # finds nothing among all speeds, neither will the second.
         if found or (first.harmonics is None and self._spindle.speed_rpm is None):
             second.forget()
-        second.end_frame(self._signals[1])
+        second.end_frame(self._signals[1], None if first.harmonics is None else first.harmonics.rotation_hz)
 
     def _frame(self) -> Orders:
         """Describe the frame that has come in so far."""

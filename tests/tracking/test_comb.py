@@ -1,0 +1,91 @@
+"""Combs among lines: harmonic, supported by several lines, and no self-excited vibration with its family."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from chatter_monitor.tracking.comb import ENOUGH, STRONGEST, Lines, Spectrum, Target, find_comb
+from tests.signals import RATE_HZ
+
+ANY = Target(5.0, 250.0)
+MEASURED = 91.6 * np.array([4, 8, 12, 11, 1, 7, 9, 13])
+
+
+def lines(*frequencies, tolerance_hz=0.4):
+    frequency = np.concatenate([np.atleast_1d(f) for f in frequencies]).astype(float)
+    return Lines(frequency, np.full(len(frequency), tolerance_hz))
+
+
+def test_a_comb_among_other_lines_is_found():
+    """Eight harmonics of 91.6 Hz among four other lines give 91.6 Hz, not its half nor its double."""
+    comb = find_comb(lines(MEASURED, [739.6, 1505.7, 1611.4, 281.1]), ANY)
+    assert comb.fundamental_hz == pytest.approx(91.6, abs=0.1)
+    assert comb.evidence > ENOUGH
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        [1071.4],  # a lone tone
+        [1071.4, 2142.8, 3214.2],  # with its overtones
+        [1071.4, 2142.8, 3214.2, 214.28],  # and a line that divides them by chance
+        1071.4 + 215.3 * np.arange(-4, 5),  # with sidebands, evenly spaced but offset
+        np.concatenate([1071.4 + 215.3 * np.arange(-3, 4), 2142.8 + 215.3 * np.arange(-2, 3)]),
+    ],
+)
+def test_a_self_excited_vibration_makes_no_comb(others):
+    """Neither alone, nor with its overtones, nor with sidebands around them."""
+    assert find_comb(lines(others), ANY) is None
+
+
+def test_tooth_harmonics_beside_a_family_of_sidebands_are_found():
+    """Where forced lines stand beside a vibration with sidebands, the comb is that of the forced lines."""
+    forced, family = 215.3 * np.array([1, 2, 3, 4, 6, 7]), 1031.0 + 215.3 * np.array([-2, -1, 0, 1, 2, 3])
+    assert find_comb(lines(forced, family), ANY).fundamental_hz == pytest.approx(215.3, abs=0.2)
+
+
+def test_random_lines_make_no_comb():
+    """Of 500 sets of lines at random, at most 3 make one: chance is to have one in a thousand."""
+    rng = np.random.default_rng(5)
+    sets = (lines(rng.uniform(20, 4000, STRONGEST), tolerance_hz=0.6) for _ in range(500))
+    assert sum(find_comb(each, ANY) is not None for each in sets) <= 3
+
+
+@pytest.mark.parametrize(
+    ("orders", "teeth", "stands"),
+    [
+        ([1, 2, 3], None, True),
+        ([1, 2], None, False),  # two lines are no comb
+        ([2, 3, 4], None, True),  # any two of them still have their own fundamental in the range
+        ([5, 10, 15], None, False),  # all multiples of 500 Hz
+        ([5, 10, 15, 1], None, False),  # but for one
+        ([5, 10, 15, 1, 2], None, True),
+        ([4, 8, 12], 4, True),  # tooth passing harmonics
+        ([4, 8, 12], 8, True),
+        ([33, 66, 99], 4, False),  # a vibration near order 33 with overtones
+        ([33, 66, 99, 4], 4, False),
+    ],
+)
+def test_what_stands(orders, teeth, stands):
+    """Orders make a comb only if, without any one of them, their common divisor is a spindle's or its teeth's."""
+    assert Target(5.0, 250.0, teeth).stands(np.array(sorted(orders)), 100.0) is stands
+
+
+def test_lines_are_where_they_are():
+    """Tones are found to a tenth of a bin in noise, strongest first, and none below the lowest frequency."""
+    rng = np.random.default_rng(3)
+    t = np.arange(32_640) / RATE_HZ
+    tones = {731.37: 1.0, 12.0: 5.0, 2000.11: 0.5, 150.0: 0.25}
+    samples = sum(a * np.cos(2 * np.pi * f * t + f) for f, a in tones.items()) + rng.standard_normal(len(t))
+    found = Spectrum(len(t), RATE_HZ, 20.0).lines(samples)
+    np.testing.assert_allclose(found.frequency_hz, [731.37, 2000.11, 150.0], atol=0.04)
+    assert np.all(found.tolerance_hz > 0.1)
+
+
+def test_noise_has_no_lines():
+    """White and coloured noise of 20 windows has at most one line in all."""
+    rng = np.random.default_rng(4)
+    spectrum = Spectrum(32_640, RATE_HZ, 20.0)
+    noises = (np.convolve(rng.standard_normal(32_700), [1, 0.9, 0.5], "valid")[:32_640] for _ in range(20))
+    assert sum(len(spectrum.lines(noise).frequency_hz) for noise in noises) <= 1
