@@ -91,6 +91,7 @@ class AveragedPeriodogram:
         self._since_missing += len(samples)
         if self._filled < self._hop:
             return False
+        self._age()
         added = self._since_missing >= self._segment and self._add()
         self._recent[: -self._hop] = self._recent[self._hop :]
         self._filled = 0
@@ -119,8 +120,6 @@ class AveragedPeriodogram:
         power = np.abs(fft.rfft(self._window * self._recent)) ** 2
         power[: self._lowest_bin] = 0.0
         level = float(power.sum())
-        self._weights = np.concatenate(([0.0], self._weights[:-1]))
-        self._forget()
         if not 0.0 < level < math.inf:
             return False
         if self._total > 0.0 and not self._level / _OTHER_LEVEL < level < self._level * _OTHER_LEVEL:
@@ -132,11 +131,12 @@ class AveragedPeriodogram:
         self._level += (level - self._level) / self._total
         return True
 
-    def _forget(self) -> None:
+    def _age(self) -> None:
+        """Let a hop pass."""
         self._sum *= self._forgetting
         self._total *= self._forgetting
-        self._weights *= self._forgetting
         self._common *= self._forgetting**2
+        self._weights = np.concatenate(([0.0], self._forgetting * self._weights[:-1]))
 
 
 def exceeded_by_chance(windows: float) -> float:

@@ -106,3 +106,13 @@ def test_the_strongest_peak_is_a_mode_and_no_line():
     assert strongest_peak_hz(spectrum, lines, 0.4) == pytest.approx(2000.0, rel=0.02)
     lines[5000] = True
     assert strongest_peak_hz(spectrum, lines, 0.4) == pytest.approx(800.0, rel=0.01)
+
+
+def test_what_lies_before_a_gap_fades_while_it_lasts():
+    """A gap of four memories leaves next to nothing of the past in the average."""
+    rng, tone = np.random.default_rng(6), np.sin(0.8 * np.arange(1000))
+    after = rng.standard_normal(600)
+    average, _ = averaged(np.concatenate((tone, np.full(4000, np.nan), after)))
+    alone, _ = averaged(after)
+    np.testing.assert_allclose(average.spectrum, alone.spectrum, atol=0.03)
+    assert alone.windows < average.windows < 1.2 * alone.windows
