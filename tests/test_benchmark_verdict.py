@@ -13,6 +13,7 @@ from benchmarks.verdict.cut import INTERVAL_SAMPLES, RATE_HZ, Label
 from benchmarks.verdict.cutting import Drive, Mode, vibration
 from benchmarks.verdict.families import FAMILIES
 from benchmarks.verdict.generator import STEP_HZ, _recorded, cut
+from benchmarks.verdict.labels import _labels
 from benchmarks.verdict.recipe import Engagement
 from benchmarks.verdict.roots import critical_kappa, rightmost_root
 
@@ -124,3 +125,42 @@ def test_kept_cut_is_the_cut(tmp_path):
     for name in ("label", "damping_ratio", "kappa_critical", "vibration_rms"):
         assert np.array_equal(getattr(kept.truth, name), getattr(made.truth, name)), name
     assert (kept.name, kept.teeth, kept.sensor, kept.snr_db) == (made.name, made.teeth, made.sensor, made.snr_db)
+
+
+@pytest.mark.parametrize(("clearance", "low", "high"), [(0.1, 0.08, 0.3), (np.inf, 0.5, 3.0)])
+def test_chatter_saturates_at_the_flank_or_out_of_the_cut(clearance, low, high):
+    """The amplitude stays at a few clearances where the flank rubs, else it grows until the tool leaves the cut."""
+    n, tau_s = round(2.0 * STEP_HZ), 256 / STEP_HZ
+    stiffness = np.full(n, 1.5 * critical_kappa(ONE, tau_s) * ONE[0].omega ** 2)
+    steepest = np.full(n, clearance * ONE[0].omega)
+    drive = Drive(stiffness, np.ones(n), np.zeros(n), np.full(n, tau_s * STEP_HZ), np.zeros(n), steepest)
+    motion = vibration(ONE, drive, STEP_HZ, "displacement")
+    settled = motion.seen[n // 2 :]
+    assert low < 0.5 * np.ptp(settled) < high
+    assert 0.02 < motion.limited[n // 2 :].mean() < 0.6
+    assert (motion.force[n // 2 :] == 0.0).any() == np.isinf(clearance)
+
+
+def test_labels_follow_the_rules_of_the_truth():
+    """Unscored at the start, for 150 ms from the crossing and while it dies down; self-excited between, calm again."""
+    damping = np.repeat([0.02, -0.01, 0.02], [20, 20, 20])
+    rms = np.concatenate((np.ones(20), np.full(20, 10.0), 10.0 * 0.5 ** np.arange(20)))
+    share = np.where(np.arange(60) < 10, 0.9, 0.0)
+    label, stretches = _labels(damping, rms, share, np.zeros(60, bool))
+    expected = np.repeat(
+        [Label.UNSCORED, Label.FORCED, Label.OTHER, Label.UNSCORED, Label.SELF_EXCITED, Label.UNSCORED, Label.OTHER],
+        [6, 4, 10, 3, 17, 3, 17],
+    )
+    assert label.tolist() == expected.tolist()
+    assert len(stretches) == 1
+    assert 0.975 < stretches[0].zero_s < stretches[0].crossing_s < 1.025
+
+
+def test_weak_instability_counts_once_the_vibration_is_large():
+    """At a damping between -0.0015 and 0 intervals are open until the vibration is limited, then self-excited."""
+    damping = np.repeat([0.02, -0.001], [20, 40])
+    saturated = np.arange(60) >= 40
+    label, stretches = _labels(damping, np.ones(60), np.zeros(60), saturated)
+    assert (label[20:43] == Label.UNSCORED).all()
+    assert (label[43:] == Label.SELF_EXCITED).all()
+    assert stretches[0].crossing_s is None
