@@ -21,6 +21,9 @@ from chatter_monitor.kernels.comb import surprise
 LINE_TO_NOISE = 17.0
 FLOOR_BINS = 128
 STRONGEST = 12
+# Lines below this share of the strongest one's power (-26 dB) are left alone: there are products of stronger lines, and
+# little to take out.
+FAINTEST = 1.0 / 400.0
 # Lines are this exact: of the spectrum's resolution, and of the frequency, for a speed that is not quite constant.
 EXACT_BINS = 0.7
 EXACT_SHARE = 3e-4
@@ -128,6 +131,7 @@ class Spectrum:
         inner, threshold = power[1:-1], LINE_TO_NOISE * _floor(power)[1:-1]
         peaks = np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]) & (inner > threshold)) + 1
         peaks = peaks[peaks * self._bin_hz >= self._lowest_hz]
+        peaks = peaks[power[peaks] >= FAINTEST * power[peaks].max(initial=0.0)]
         strongest = peaks[np.argsort(-power[peaks], kind="stable")][: 4 * STRONGEST]
         left, middle, right = (np.log(power[strongest + shift]) for shift in (-1, 0, 1))
         frequency = (strongest + 0.5 * (left - right) / (left - 2.0 * middle + right)) * self._bin_hz
