@@ -7,7 +7,8 @@ WORKDIR /src
 COPY pyproject.toml constraints.txt README.md ./
 COPY chatter_monitor chatter_monitor
 RUN python3 -m venv /opt/chatter-monitor \
-    && /opt/chatter-monitor/bin/python -m pip install --no-cache-dir -c constraints.txt .
+    && /opt/chatter-monitor/bin/python -m pip install --no-cache-dir -c constraints.txt . \
+    && /opt/chatter-monitor/bin/python -m pip uninstall --yes setuptools pip
 
 FROM debian:bookworm-slim
 RUN apt-get update \

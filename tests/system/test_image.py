@@ -5,20 +5,22 @@ from __future__ import annotations
 import json
 import logging
 import subprocess
-import time
 
+import numpy as np
 import pytest
+import soundfile
 
 from tests.system import debian
 from tests.system.components import need, need_root
 
 LOG = logging.getLogger(__name__)  # the image's size: pytest --log-cli-level=INFO
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(1800)]
 
 BASE = "localhost/debian:bookworm-slim"
 IMAGE = "localhost/chatter-monitor:test"
 RECORDING = debian.ROOT / "replay_data" / "bar_turning.flac"
+TIMES = 2  # to be played one after the other: 40 s, in which a busy machine gets through a health check or two
 # A port of this machine may be in use; a socket in the container is not.
 CONFIGURED = '[publish]\nbind = "ipc:///var/lib/chatter-monitor/publish"\n'
 OFFLINE = "[global]\nno-index = true\nfind-links = /wheels\n"
@@ -31,7 +33,7 @@ class Builder:
         self._command = ("buildah", "--root", storage / "root", "--runroot", storage / "run", "--storage-driver", "vfs")
 
     def __call__(self, *arguments):
-        return debian.run(*self._command, *arguments, timeout_s=900).strip()
+        return debian.run(*self._command, *arguments, timeout_s=1800).strip()
 
     def start(self, *arguments):
         """Begin something that takes its time."""
@@ -61,9 +63,12 @@ def buildah(tmp_path_factory):
 def container(buildah, tmp_path_factory):
     """Run a command in a container, as `docker run` and `docker exec` with a configuration and a recording would."""
     name = buildah("from", "--pull-never", IMAGE)
-    config = tmp_path_factory.mktemp("container") / "machine.toml"
-    config.write_text(CONFIGURED)
-    volumes = ("-v", f"{config}:/etc/chatter-monitor/machine.toml:ro", "-v", f"{RECORDING}:/data/cut.flac:ro")
+    folder = tmp_path_factory.mktemp("container")
+    (folder / "machine.toml").write_text(CONFIGURED)
+    samples, rate_hz = soundfile.read(RECORDING, dtype="int16")
+    soundfile.write(folder / "cut.wav", np.tile(samples, TIMES), rate_hz)
+    files = {"machine.toml": "/etc/chatter-monitor/machine.toml", "cut.wav": "/data/cut.wav"}
+    volumes = [word for name, place in files.items() for word in ("-v", f"{folder / name}:{place}:ro")]
 
     def run(*command):
         return buildah.start("run", "--isolation", "chroot", *volumes, name, "--", *command)
@@ -102,38 +107,34 @@ def test_the_image_runs_the_daemon_as_somebody_unprivileged(buildah, container):
 
 
 def test_the_image_holds_little_but_what_runs(container):
-    """Neither compilers nor package lists nor the source stay in it; its size is told."""
-    gone = "! command -v gcc && ! test -e /src && ! ls /var/lib/apt/lists/* /var/cache/apt/archives/*.deb"
-    code, printed = outcome(container("sh", "-c", f"({gone}) >/dev/null 2>&1 || exit 1; du -smx / 2>/dev/null; true"))
-    assert code == 0, printed
+    """Neither compiler nor pip, package lists or the source stay in it; its size is told."""
+    gone = "/usr/bin/gcc /src /var/lib/apt/lists/* /var/cache/apt/archives/*.deb /opt/chatter-monitor/bin/pip*"
+    assert outcome(container("sh", "-c", f"ls -d {gone} 2>/dev/null; true")) == (0, "")
+    _, printed = outcome(container("sh", "-c", "du -smx / 2>/dev/null; true"))
     LOG.info("MB of the image: %s", printed)
-    assert int(printed.split()[0]) < 1000
+    assert int(printed.split()[0]) < 1200
 
 
 def test_a_replay_in_the_container_passes_the_health_check(buildah, container):
     """The health check passes while a recording is replayed, paced and published, and neither before nor after."""
     assert health(buildah, container)[0] == 3
     config = ("--config", "/etc/chatter-monitor/machine.toml")
-    replay = container("chatter-monitor", "replay", "/data/cut.flac", "--pace", "real", "--publish", *config)
-    began = time.monotonic()
+    replay = container("chatter-monitor", "replay", "/data/cut.wav", "--pace", "real", "--publish", *config)
     while (checked := health(buildah, container))[0] != 0:
-        assert replay.poll() is None, outcome(replay)
-        assert time.monotonic() - began < 18, checked
+        assert replay.poll() is None, (checked, outcome(replay))
     assert "it hears" in checked[1]
     code, printed = outcome(replay)
     assert code == 0
-    assert "Chatter from 7.00 s to 15.35 s at 327 Hz" in printed
+    assert printed.count("CHATTER") == 1 + TIMES  # an interval each, and the sum
     assert health(buildah, container)[0] == 3
 
 
 def test_a_daemon_without_a_sound_card_is_unhealthy(buildah, container):
     """Without a card the daemon runs on, its health check says that it does not hear, and SIGTERM ends it cleanly."""
     config = about(buildah)
-    daemon = container("timeout", "--preserve-status", "20", *config["Entrypoint"], *config["Cmd"])
-    began = time.monotonic()
+    daemon = container("timeout", "--preserve-status", "40", *config["Entrypoint"], *config["Cmd"])
     while "does not hear" not in (checked := health(buildah, container))[1]:
-        assert daemon.poll() is None, outcome(daemon)
-        assert time.monotonic() - began < 18, checked
+        assert daemon.poll() is None, (checked, outcome(daemon))
     assert checked[0] == 3
     code, printed = outcome(daemon)
     assert code == 0, printed
