@@ -1,7 +1,7 @@
 """A subscriber inside the machine: ``listen.py SECONDS STATE [SERVER_KEY CLIENT_KEY]`` prints what came as JSON.
 
-It stops early when a verdict of that state has come. ``states`` are those of the verdicts in their order, ``first_s``
-says how long the first message took, ``frequency_hz`` belongs to the last verdict.
+It says "listening" with the first verdict, and stops early when one of that state has come. ``states`` are those of the
+verdicts in their order, ``first_s`` says how long the first took, ``frequency_hz`` belongs to the last.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ def main() -> None:
             received = subscriber.receive(left_s)
             if received is None:
                 break
-            first_s = time.monotonic() - began if first_s is None else first_s
+            if first_s is None:
+                first_s = time.monotonic() - began
+                sys.stdout.write("listening\n")
+                sys.stdout.flush()
             states.append(received.body.state)
             frequency_hz = received.body.frequency_hz
             if received.body.state == state:

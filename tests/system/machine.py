@@ -36,18 +36,25 @@ class Machine:
 
     def run(self, *command: str, check: bool = True, timeout_s: float = 60.0) -> str:
         """Run a command as root of the machine; returns what it prints, errors included."""
-        done = subprocess.run(
+        process = self.start(*command)
+        try:
+            printed, _ = process.communicate(timeout=timeout_s)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise
+        if check and process.returncode:
+            raise AssertionError(f"{' '.join(command)} ended with {process.returncode}:\n{printed[-4000:]}")
+        return printed
+
+    def start(self, *command: str) -> subprocess.Popen[str]:
+        """Begin a command as root of the machine."""
+        return subprocess.Popen(
             ["nsenter", "--all", "--target", str(self._init), "--", *command],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=timeout_s,
-            check=False,
         )
-        if check and done.returncode:
-            raise AssertionError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stdout[-4000:]}")
-        return done.stdout
 
     def show(self, unit: str, *properties: str) -> dict[str, str]:
         """Properties of a unit as systemd has them."""
