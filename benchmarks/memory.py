@@ -2,10 +2,12 @@
 
 Two runs through what the service runs, flight recorder and metrics included:
 
-- a shift of 8 hours as fast as it can be worked through, one channel: mostly stable, with 20 s in and out of chatter
-  every 5 minutes, each recorded until the quota makes the oldest go;
+- a shift of 8 hours as fast as it can be worked through, one channel;
 - with --minutes, the daemon on four channels of 128-sample blocks that come at real time through the card's ring,
   with a subscriber in another process that misses nothing either.
+
+What is heard is mostly stable, with 20 s in and out of chatter every 5 minutes, each recorded until the quota makes the
+oldest go.
 
 Memory is the resident set, taken regularly; flat means that after the first tenth, when every buffer has been filled
 once, none is more than 5 % above the first. A sample is lost if health counts it, or if verdicts leave a gap.
@@ -46,7 +48,7 @@ from chatter_monitor.service.monitor import Monitor
 from chatter_monitor.service.recorder import open_recorder
 from chatter_monitor.service.systemd import Notifier
 
-PERIOD_S = 300.0  # of the shift
+PERIOD_S = 300.0
 LIMIT = 0.05
 READINGS = 100
 QUOTA_GB = 0.02  # is reached within the first tenth
@@ -109,9 +111,9 @@ class Witness(Outlet):
         return kept
 
 
-def shift() -> NDArray[np.float64]:
-    """One period of the shift: the stable beginning of the cut again and again, then all of it."""
-    whole = cut(1).astype(np.float64)
+def shift(channels: int) -> NDArray[np.float32]:
+    """One period: the stable beginning of the cut again and again, then all of it."""
+    whole = cut(channels)
     stable = whole[: round(5 * RATE_HZ)]
     again = np.tile(stable, (round((PERIOD_S * RATE_HZ - len(whole)) / len(stable)), 1))
     return np.concatenate([again, whole])
@@ -119,7 +121,7 @@ def shift() -> NDArray[np.float64]:
 
 def fast(hours: float, folder: Path) -> bool:
     """Work through a shift as fast as possible."""
-    period = shift()
+    period = shift(1).astype(np.float64)
     length = round(hours * 3600 * RATE_HZ)
     source = Synthetic(lambda index: period[index % len(period)], RATE_HZ, length=length, block_samples=4096)
     settings = Settings()
@@ -162,7 +164,7 @@ def paced(minutes: float, folder: Path) -> bool:
     )
     witness = Witness(minutes * 60 / READINGS)
     logging.disable()  # the story of each cut
-    opener = Clockwork(cut())
+    opener = Clockwork(shift(CHANNELS))
     daemon = Daemon([config], notifier=Notifier(None), console=Console(stderr=True), opener=opener, witnesses=[witness])
     endpoint = load([config]).publish.bind
     role = [sys.executable, "-m", "benchmarks.memory", "--subscribe", endpoint]
