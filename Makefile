@@ -30,6 +30,7 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.identification
 	$(BIN)/python -m benchmarks.latency
 	$(BIN)/python -m benchmarks.memory --hours 1
+	$(BIN)/python -m benchmarks.margin
 
 # The figures of the paper with the numbers beside them, in docs/paper.
 paper: $(READY)
