@@ -47,7 +47,7 @@ def curve(detector: Detector, heard: list[Heard]) -> tuple[Floats, Floats, Float
     true = np.cumsum(positive[order])[last_of_its_value]
     false = np.cumsum(~positive[order])[last_of_its_value]
     shares = (n / max(1, int(n[-1])) for n in (false, true))
-    return (score[order][last_of_its_value], *shares)  # type: ignore[return-value]
+    return (score[order][last_of_its_value], *shares)
 
 
 def at_equal_false_alarms(detector: Detector, heard: list[Heard]) -> list[dict[str, Any]]:

@@ -91,7 +91,7 @@ class Truth:
     @property
     def start_s(self) -> Floats:
         """Beginning of each interval."""
-        return INTERVAL_S * np.arange(len(self))
+        return np.arange(len(self)) * np.float64(INTERVAL_S)
 
 
 @dataclass(frozen=True, eq=False)

@@ -122,7 +122,8 @@ def vibration(modes: tuple[Mode, ...], drive: Drive, rate_hz: float, sensor: Sen
     for i, mode in enumerate(modes):
         transition[i], before[i], after[i] = _discretised(mode, 1.0 / rate_hz)
     table = np.array([(m.omega**2, 2 * m.damping_ratio * m.omega, m.compliance, m.heard) for m in modes])
-    motion = Motion(*np.empty((3, drive.stiffness.size)), np.empty(drive.stiffness.size, np.bool_))
+    n = drive.stiffness.size
+    motion = Motion(np.empty(n), np.empty(n), np.empty(n), np.empty(n, np.bool_))
     _integrate(
         transition,
         before,

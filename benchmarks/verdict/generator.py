@@ -14,7 +14,7 @@ from scipy.signal import fftconvolve, lfilter
 from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, RATE_HZ, Cut
 from benchmarks.verdict.cutting import Drive, vibration
 from benchmarks.verdict.families import FAMILIES
-from benchmarks.verdict.labels import Heard, interval_rms, judge_truth
+from benchmarks.verdict.labels import Sound, interval_rms, judge_truth
 from benchmarks.verdict.recipe import Engagement, Recipe
 from benchmarks.verdict.roots import critical_kappa
 
@@ -80,7 +80,7 @@ def simulate(recipe: Recipe, name: str, family: str, rng: np.random.Generator) -
     drive = Drive(unsteady, feed, run_out, delay_s * STEP_HZ, _blows(recipe, t), steepest + beyond)
     heard, _ = _run(recipe, drive, path, t, keep)
     level = recipe.direct * _rms(heard[0].vibration) / _rms(heard[1].vibration)
-    cut_sound, forced_sound = (Heard(m.vibration + level * d.vibration, m.limited) for m, d in (heard, forced))
+    cut_sound, forced_sound = (Sound(m.vibration + level * d.vibration, m.limited) for m, d in (heard, forced))
 
     middle = INTERVAL_S * (np.arange(intervals) + 0.5)
     depth = np.interp(middle, t, kappa)
@@ -125,15 +125,15 @@ def _delivered(rng: np.random.Generator, recipe: Recipe, samples: Floats) -> Flo
     return np.asarray((gain * samples).astype(np.float32).astype(np.float64))  # as a recording has them
 
 
-def _run(recipe: Recipe, drive: Drive, path: Floats, t: Floats, keep: slice) -> tuple[tuple[Heard, Heard], float]:
+def _run(recipe: Recipe, drive: Drive, path: Floats, t: Floats, keep: slice) -> tuple[tuple[Sound, Sound], float]:
     """Simulate: what the sensor gets through the modes and through everything else, and the steepest."""
     motion = vibration(recipe.modes, drive, STEP_HZ, recipe.sensor)
     fine = slice(OVERSAMPLING * keep.start, OVERSAMPLING * keep.stop)
     limited = motion.limited[fine].reshape(-1, OVERSAMPLING * INTERVAL_SAMPLES).mean(axis=1)
     loudness = recipe.loudness(t)
     direct = fftconvolve(_recorded(loudness * motion.force), path)
-    modal = Heard(_recorded(loudness * motion.seen)[keep], limited)
-    return (modal, Heard(direct[keep], limited)), float(motion.into[fine].max())
+    modal = Sound(_recorded(loudness * motion.seen)[keep], limited)
+    return (modal, Sound(direct[keep], limited)), float(motion.into[fine].max())
 
 
 def _direct_path(rng: np.random.Generator, decay_s: float) -> Floats:

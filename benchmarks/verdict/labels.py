@@ -23,7 +23,7 @@ SPEEDS_OF_LIMIT = 4  # the limit is computed at so many speeds of the cut and in
 
 
 @dataclass(frozen=True, eq=False)
-class Heard:
+class Sound:
     """A simulated vibration at the monitor's rate, and the part of each interval that limits it."""
 
     vibration: Floats
@@ -45,7 +45,7 @@ def judge_truth(
     harmonics: NDArray[np.complex128],
     kappa: Floats,
     rpm: Floats,
-    heard: Heard,
+    heard: Sound,
     forced_limited: Floats,
     synchronous_share: Floats,
 ) -> Truth:
@@ -59,10 +59,10 @@ def judge_truth(
         Of the modulation of the process stiffness.
     kappa, rpm : ndarray, shape (intervals,)
         Process stiffness and true speed in the middle of each.
-    heard : Heard
+    heard : Sound
         The cut.
     forced_limited : ndarray, shape (intervals,)
-        What `Heard.limited` is with nothing random in it.
+        What `Sound.limited` is with nothing random in it.
     synchronous_share : ndarray, shape (intervals,)
         As in `Truth`.
     """

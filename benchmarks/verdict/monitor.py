@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from benchmarks.verdict.cut import RATE_HZ, Cut
 from chatter_monitor.acquisition.source import Source
 from chatter_monitor.acquisition.synthetic import Synthetic
 from chatter_monitor.config import Settings, load
-from chatter_monitor.outlets.control import SetSpindle
+from chatter_monitor.outlets.control import Command, SetSpindle
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, Verdict
 from chatter_monitor.service.monitor import Monitor
@@ -56,7 +56,7 @@ class Passage:
 
 
 @dataclass(frozen=True)
-class Heard:
+class Remarks:
     """What the monitor said since the passage before.
 
     Attributes
@@ -103,7 +103,7 @@ def listen(cut: Cut, *, speed_known: bool) -> Opinions:
     )
 
 
-def watch(passages: Iterable[Passage], *, announce: bool) -> Iterator[Heard]:
+def watch(passages: Iterable[Passage], *, announce: bool) -> Iterator[Remarks]:
     """Run the monitor over a long recording; yields what it said of each passage."""
     source, kept = _Stream(passages), _Kept()
 
@@ -112,14 +112,16 @@ def watch(passages: Iterable[Passage], *, announce: bool) -> Iterator[Heard]:
         return [] if told is None else [SetSpindle(rpm=told[0], teeth=told[1])]
 
     for end in _monitor(Settings(), source, kept, commands).run():
-        yield Heard(
+        yield Remarks(
             source.doing.doing, [v.state for v in kept.verdicts], kept.events, end / RATE_HZ, source.generating_s
         )
         kept.verdicts.clear()
         kept.events = 0
 
 
-def _monitor(settings: Settings, source: Source, kept: _Kept, commands=lambda: ()) -> Monitor:  # type: ignore[no-untyped-def]
+def _monitor(
+    settings: Settings, source: Source, kept: _Kept, commands: Callable[[], Iterable[Command]] = lambda: ()
+) -> Monitor:
     return Monitor(
         settings,
         source,

@@ -103,4 +103,4 @@ def _spectra(cut: Cut) -> tuple[Floats, Floats]:
     size = round(SPECTRUM_S * RATE_HZ)
     padded = np.concatenate((np.zeros(size - INTERVAL_SAMPLES), cut.samples))
     frames = sliding_window_view(padded, size)[::INTERVAL_SAMPLES] * np.hanning(size)
-    return np.abs(np.fft.rfft(frames, axis=1)) ** 2, np.fft.rfftfreq(size, 1.0 / RATE_HZ)
+    return np.asarray(np.abs(np.fft.rfft(frames, axis=1)) ** 2), np.asarray(np.fft.rfftfreq(size, 1.0 / RATE_HZ))

@@ -60,7 +60,7 @@ def rightmost_root(
         for strength in (0.5, 1.0):
             scaled = np.concatenate((harmonics[:1], strength * harmonics[1:]))
             roots = _modulated_roots(table, kappa, tau_s, scaled, roots)
-    return roots[np.arange(kappa.size), np.argmax(roots.real, axis=1)]
+    return np.asarray(roots[np.arange(kappa.size), np.argmax(roots.real, axis=1)])
 
 
 def damping_ratio(root: Complexes) -> Floats:

@@ -6,7 +6,7 @@ Scoring rules change rankings, so intervals and events are both given. Whatever 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,8 +116,8 @@ def lags(alarms: Iterable[tuple[Cut, Bools]]) -> dict[str, float | None]:
                 early += 1
                 continue
             later = np.flatnonzero(alarm[at:])
-            lag = INTERVAL_S * (at + later[0] + 1) - crossing_s if later.size else np.inf
-            period_s = 1.0 / np.median(cut.truth.frequency_hz[at : at + 10])
+            lag = INTERVAL_S * (at + int(later[0]) + 1) - crossing_s if later.size else np.inf
+            period_s = 1.0 / float(np.median(cut.truth.frequency_hz[at : at + 10]))
             seconds.append(lag)
             over_limit.append(lag / max(LAG_S, LAG_PERIODS * period_s))
     median, p95 = _percentile(seconds, 50), _percentile(seconds, 95)
@@ -234,6 +234,6 @@ def _share(part: int, whole: int) -> float | None:
     return part / whole if whole else None
 
 
-def _percentile(values: list[float], percent: float) -> float | None:
+def _percentile(values: Sequence[float], percent: float) -> float | None:
     # inverted_cdf takes one of the values: interpolating towards an infinite lag would give no number
-    return float(np.percentile(values, percent, method="inverted_cdf")) if values else None
+    return float(np.percentile(values, percent, method="inverted_cdf")) if len(values) else None
