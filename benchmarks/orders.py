@@ -200,7 +200,7 @@ def false_combs(cuts: int) -> None:
             for seed in range(REPORT, REPORT + cuts):
                 samples, spindle = no_comb(kind, seed)
                 residual, frames = take_out(samples, spindle if given else SpindleSettings())
-                believed = [frame.source in ("refined", "found") for frame in frames]
+                believed = [frame.source in ("refined", "found") or frame.other_hz is not None for frame in frames]
                 ever += any(believed)
                 share += sum(believed) / len(believed) / cuts
                 end = -round(4 * RATE_HZ)

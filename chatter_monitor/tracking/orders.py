@@ -194,9 +194,9 @@ class OrderTracker:
     def _end_frame(self) -> None:
         first, second = self._followers
         found = first.end_frame(self._signals[0])
-        # With a comb that the first one takes from now on, the past is no guide to what is left; and while the first
-        # finds nothing among all speeds, neither will the second.
-        if found or (first.harmonics is None and self._spindle.speed_rpm is None):
+        # With a comb that the first one takes from now on, the past is no guide to what is left; and where the spindle
+        # itself is not heard, lines that are evenly spaced are more likely a self-excited vibration's.
+        if found or first.harmonics is None:
             second.forget()
         second.end_frame(self._signals[1], None if first.harmonics is None else first.harmonics.rotation_hz)
 
