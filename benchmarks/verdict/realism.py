@@ -193,6 +193,8 @@ def picture(real: dict[Excerpt, list[Likeness]], simulated: dict[str, list[Liken
         ax.set_title(name)
         ax.set_yticks([])
     axes.flat[0].set_xscale("log")
+    axes.flat[0].set_xticks([200, 500, 1000, 2000], ["200", "500", "1000", "2000"])
+    axes.flat[0].minorticks_off()
     handles, labels = axes.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5)
     figure.savefig(file, dpi=80)
