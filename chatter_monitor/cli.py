@@ -218,6 +218,38 @@ def identify(
         click.echo(f"wrote {path}")
 
 
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--model", type=click.Path(path_type=Path), required=True, help="Model file that is to explain it.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Directory for report and model.")
+@click.option("--channel", type=click.IntRange(min=0), default=0, show_default=True, help="Counted from 0.")
+@click.option(
+    "--between", "between_s", type=(float, float), metavar="BEGIN END", help="Stretch to look at, in seconds."
+)
+@JSON
+@DEBUG
+def diagnose(
+    file: Path, model: Path, out: Path, channel: int, between_s: tuple[float, float] | None, as_json: bool
+) -> None:
+    """Find out where a recording differs from a simulation, and which physics the simulation lacks.
+
+    Writes report.json, report.html and model.toml, the augmented model, which `simulate` runs.
+    """
+    from chatter_monitor.service.diagnosing import diagnose_file, lines
+
+    def progress(step: str) -> None:
+        click.echo(f"{step} ...", err=True)
+
+    report, written = diagnose_file(file, model, out, channel=channel, between_s=between_s, progress=progress)
+    if as_json:
+        click.echo(report.to_json())
+        return
+    for line in lines(report):
+        click.echo(line)
+    for path in written:
+        click.echo(f"wrote {path}")
+
+
 class ListingGroup(click.Group):
     """Commands of which ``list`` is meant where none is named."""
 

@@ -122,15 +122,18 @@ class FreeRun(msgspec.Struct, frozen=True):
 
 
 class Fit(msgspec.Struct, frozen=True):
-    """How well the models predict stretches that no fit has seen; before: the base model, re-calibrated."""
+    """How well the models predict stretches that no fit has seen; before: the base model, re-calibrated.
+
+    None where the recording allows no statement.
+    """
 
     held_out_s: list[Interval]
-    nll_per_sample_before: float
-    nll_per_sample_after: float
+    nll_per_sample_before: float | None
+    nll_per_sample_after: float | None
     gain_nats: float
     gain_bits: float
-    residual_white_p_before: float
-    residual_white_p_after: float
+    residual_white_p_before: float | None
+    residual_white_p_after: float | None
     psd_distance_db_before: float | None = None
     psd_distance_db_after: float | None = None
     free_run: FreeRun | None = None

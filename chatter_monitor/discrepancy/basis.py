@@ -1,0 +1,97 @@
+"""Forces that belong to no term: bumps over the phase plane, over the amplitude, along time and spindle angle.
+
+Each basis asks one question ("is there any static force?", "does it depend on the amplitude?", "on the time?") without
+naming an answer.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+from chatter_monitor.discrepancy.innovations import Innovations
+from chatter_monitor.kernels.signatures import Motion
+
+Matrix = NDArray[np.float64]
+
+BUMPS = 7  # per axis of the phase plane
+REACH = 3.2  # of the bumps, in standard deviations
+AMPLITUDES = 5
+WAVES = 4  # of slow changes along the recording
+HARMONICS = 3  # of the spindle and of the teeth
+
+
+def splines(u: Matrix, count: int, low: float, high: float) -> Matrix:
+    """Cubic B-splines on equal knots; what lies beyond the ends counts as at the ends.
+
+    Parameters
+    ----------
+    u : ndarray of float64, any shape
+    count : int
+        How many.
+
+    Returns
+    -------
+    ndarray of float64, shape (count, *u.shape)
+    """
+    step = (high - low) / (count - 3)
+    knots = low + step * np.arange(-3, count + 1)
+    inside = np.clip(u.ravel(), low, high - 1e-9 * (high - low))
+    design = BSpline.design_matrix(inside, knots, 3).toarray()
+    return np.asarray(design.T.reshape(count, *u.shape))
+
+
+def scales(motion: Motion) -> tuple[float, float]:
+    """Rms displacement and velocity about their mean."""
+    return float(np.std(motion.x[0])), float(np.std(motion.v[0]))
+
+
+def surface(innovations: Innovations) -> list[Matrix]:
+    """Signatures of BUMPS x BUMPS bumps over the phase plane, displacement first."""
+    sd_x, sd_v = scales(innovations.motion)
+    over_x = splines(innovations.motion.x / sd_x, BUMPS, -REACH, REACH)
+    over_v = splines(innovations.motion.v / sd_v, BUMPS, -REACH, REACH)
+    return [innovations.respond(bx * bv) for bx in over_x for bv in over_v]
+
+
+def surface_at(coefficients: Matrix, x: Matrix, v: Matrix) -> Matrix:
+    """Force surface of coefficients of `surface`, at x and v in standard deviations."""
+    over_x, over_v = splines(x, BUMPS, -REACH, REACH), splines(v, BUMPS, -REACH, REACH)
+    return np.asarray(np.einsum("ij,i...,j...->...", coefficients.reshape(BUMPS, BUMPS), over_x, over_v))
+
+
+def by_amplitude(innovations: Innovations) -> list[Matrix]:
+    """Signatures of a spring and of a damper at each of several amplitudes."""
+    motion = innovations.motion
+    sd_x, sd_v = scales(motion)
+    amplitude = np.hypot(motion.x / sd_x, motion.v / sd_v)
+    bumps = splines(amplitude, AMPLITUDES, 0.0, 3.5)
+    w = sd_v / sd_x
+    return [innovations.respond(bump * state) for state in (w * w * motion.x, w * motion.v) for bump in bumps]
+
+
+def along_time(innovations: Innovations) -> list[Matrix]:
+    """Signatures of a spring and of a damper that change slowly along the recording."""
+    motion = innovations.motion
+    n = motion.x.shape[1]
+    phase = np.pi * (np.arange(n) + 0.5) / n
+    waves = [np.cos(k * phase) for k in range(1, WAVES + 1)]
+    return [innovations.respond(wave * state) for state in (motion.x, motion.v) for wave in waves]
+
+
+def along_angle(innovations: Innovations) -> list[Matrix]:
+    """Signatures of forces, and of springs, that turn with the spindle."""
+    spindle = innovations.linear.spindle
+    if spindle is None:
+        return []
+    motion = innovations.motion
+    n = motion.x.shape[1]
+    angle = innovations.observer.turn * np.stack([np.arange(n), np.arange(1, n + 1)])
+    orders = sorted(set(range(1, HARMONICS + 1)) | {k * spindle.teeth for k in range(1, HARMONICS + 1)})
+    return [
+        innovations.respond(wave(k * angle) * state)
+        for k in orders
+        for state in (np.ones_like(motion.x), motion.x)
+        for wave in (np.cos, np.sin)
+    ]

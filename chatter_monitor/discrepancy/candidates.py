@@ -1,0 +1,102 @@
+"""Candidates for what a base model lacks: terms of the catalogue with their shapes on a grid.
+
+A candidate is a term with its shape parameters fixed; its force is then linear in one or two coefficients, each with
+the bounds that physics puts on it. Shapes are relative to the rms displacement and velocity of the tool.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+from chatter_monitor.physics.parts import Spindle
+from chatter_monitor.physics.terms import CATALOGUE, Term
+
+# Shape parameters that are searched: which rms they scale with, and multiples of it.
+SHAPES: dict[tuple[str, str], tuple[str, tuple[float, ...]]] = {
+    ("clearance", "gap"): ("x", (0.15, 0.3, 0.5, 0.75, 1.0, 1.3, 1.6, 2.0, 2.5)),
+    ("coulomb_friction", "width"): ("v", (0.0, 0.1, 0.3)),
+    ("stribeck_friction", "stribeck_velocity"): ("v", (0.1, 0.2, 0.35, 0.5, 0.75, 1.1)),
+    ("hysteresis", "yield_displacement"): ("x", (0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.5)),
+    ("hysteresis", "sharpness"): ("1", (0.5, 0.9)),
+    ("loss_of_contact", "chip_thickness"): ("x", (0.3, 0.6, 1.0, 1.5, 2.2, 3.0)),
+    ("cutting_force_nonlinearity", "cutting_speed_m_s"): ("1", (1.0,)),
+}
+# What one recording cannot tell from viscous damping, and what the spectrum tells: lines, and the comb of a delay.
+ELSEWHERE = ("process_damping", "periodic_forcing", "regenerative_delay", "loss_of_contact")
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A term with its shape fixed.
+
+    Attributes
+    ----------
+    term : Term
+    values : tuple of float
+        All parameters in the order of the term; the linear ones are 0.
+    linear : tuple of int
+        Indices of the coefficients.
+    shapes : int
+        How many shape parameters were searched; one that is at 0 is none.
+    """
+
+    term: Term
+    values: tuple[float, ...]
+    linear: tuple[int, ...]
+    shapes: int
+
+    @property
+    def name(self) -> str:
+        """Of the term."""
+        return self.term.name
+
+    @property
+    def lower(self) -> tuple[float, ...]:
+        """Lower bounds of the coefficients."""
+        return tuple(self.term.parameters[i].lower for i in self.linear)
+
+    def units(self) -> Iterator[tuple[float, ...]]:
+        """Parameters with one coefficient 1 and the others 0, for each coefficient."""
+        for i in self.linear:
+            yield tuple(1.0 if j == i else value for j, value in enumerate(self.values))
+
+    def with_coefficients(self, coefficients: Sequence[float]) -> dict[str, float]:
+        """Parameters by name."""
+        values = list(self.values)
+        for i, coefficient in zip(self.linear, coefficients, strict=True):
+            values[i] = float(coefficient)
+        return {p.name: value for p, value in zip(self.term.parameters, values, strict=True)}
+
+
+def candidates(sd_x: float, sd_v: float, spindle: Spindle | None, present: Sequence[str] = ()) -> list[Candidate]:
+    """All candidates for a motion of that size.
+
+    Parameters
+    ----------
+    sd_x, sd_v : float
+        rms displacement and velocity.
+    spindle : Spindle, optional
+        Delayed terms are candidates only with one.
+    present : sequence of str
+        Terms that the model has already.
+    """
+    scale = {"x": sd_x, "v": sd_v, "1": 1.0}
+    found = []
+    for term in CATALOGUE.values():
+        if term.name in ELSEWHERE or term.name in present or (term.delayed and spindle is None):
+            continue
+        linear = tuple(i for i, p in enumerate(term.parameters) if p.linear)
+        shapes = [i for i in range(len(term.parameters)) if i not in linear]
+        grids = []
+        for i in shapes:
+            relative, multiples = SHAPES[term.name, term.parameters[i].name]
+            grids.append([scale[relative] * m for m in multiples])
+        for point in product(*grids):
+            searched = sum(len(grid) > 1 and value != 0.0 for grid, value in zip(grids, point, strict=True))
+            values = [0.0] * len(term.parameters)
+            for i, value in zip(shapes, point, strict=True):
+                values[i] = value
+            found.append(Candidate(term, tuple(values), linear, searched))
+    return found

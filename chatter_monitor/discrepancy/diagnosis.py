@@ -1,0 +1,355 @@
+"""Simulation against recording: calibrate, locate, name, augment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from chatter_monitor.discrepancy import basis
+from chatter_monitor.discrepancy.band import Recorded, within_band
+from chatter_monitor.discrepancy.candidates import Candidate, candidates
+from chatter_monitor.discrepancy.ceiling import Surface, ceiling
+from chatter_monitor.discrepancy.evidence import Evidence
+from chatter_monitor.discrepancy.faults import Clipping, Line, Restlessness, clipping, lines, restlessness, silent
+from chatter_monitor.discrepancy.innovations import Innovations, known_forces
+from chatter_monitor.discrepancy.linear import Base, calibrate, fit_base
+from chatter_monitor.discrepancy.locate import (
+    Modulation,
+    frequency_map,
+    lag_map,
+    modulation,
+    subspace_map,
+)
+from chatter_monitor.discrepancy.name import LESS_NATS, PRICE_NATS, Contest, Scored, stretch
+from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.discrepancy.report import Statistic
+from chatter_monitor.discrepancy.whitening import whitened
+from chatter_monitor.errors import InputError
+from chatter_monitor.kernels.signatures import Motion, observe
+from chatter_monitor.physics.model import MachiningSystem
+from chatter_monitor.physics.parts import AppliedTerm, Mode
+from chatter_monitor.physics.terms import CATALOGUE
+
+Vector = NDArray[np.float64]
+
+BLOCK_S = 0.5
+FEWEST_PERIODS = 300
+MOST_CLIPPED = 1e-3  # share of samples beyond which nothing else can be said
+SURE = 1e-5  # chance that is not believed in
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Local:
+    """An effect in a part of the recording.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    columns : list of int
+    blocks : (int, int)
+        First block and one past the last.
+    gain_nats, held_out_nats : float
+        Gain on the training blocks less the price, and on the held-out blocks, both inside.
+    p_value : float
+        Of the held-out blocks.
+    """
+
+    candidate: Candidate
+    columns: list[int]
+    blocks: tuple[int, int]
+    gain_nats: float
+    held_out_nats: float
+    p_value: float
+
+
+@dataclass(eq=False)
+class Case:
+    """A recording beside a model, and everything that was found on the way.
+
+    Attributes
+    ----------
+    system : MachiningSystem
+        The base model as given.
+    whole, recorded : Recorded
+        The recording in units of motion (the gain of the sensor and the mean taken out), and its part within the band.
+    """
+
+    system: MachiningSystem
+    whole: Recorded
+    recorded: Recorded
+    base: Base
+    innovations: Innovations
+    clipped: Clipping | None = None
+    tones: list[Line] = field(default_factory=list)
+    unrest: Restlessness | None = None
+    offset_p: float = 1.0
+    evidence: Evidence = field(init=False)
+    contest: Contest = field(init=False)
+    matrix: NDArray[np.float64] = field(init=False)
+    columns: dict[str, list[int]] = field(default_factory=dict)
+    named: list[Scored] = field(default_factory=list)
+    ranking: list[Scored] = field(default_factory=list)
+    ceiling: Surface = field(init=False)
+    rest: Surface = field(init=False)
+    maps: list[Statistic] = field(default_factory=list)
+    rest_maps: list[Statistic] = field(default_factory=list)
+    swing: Modulation | None = None
+    local: Local | None = None
+
+    def explained(self) -> Vector:
+        """Whitened errors less what is named and the nuisance columns."""
+        columns = [*self.evidence.nuisance, *(c for scored in self.named for c in scored.columns)]
+        fit = self.evidence.regress([c for scored in self.named for c in scored.columns])
+        return np.asarray(self.innovations.white - fit.all_coefficients @ self.matrix[columns])
+
+    @property
+    def weight(self) -> Vector:
+        """Reciprocal of the standard deviation of every whitened error; 0 for those not to be used."""
+        scale = self.unrest.scale if self.unrest else np.std(self.innovations.white)
+        return np.asarray(np.where(self.innovations.used, 1.0 / scale, 0.0))
+
+    @property
+    def training(self) -> NDArray[np.bool_]:
+        """Blocks for training."""
+        return np.asarray(np.arange(self.evidence.blocks) % 2 == 0)
+
+
+def recorded_from(samples: Vector, rate_hz: float, missing: NDArray[np.bool_] | None = None) -> Recorded:
+    """A recording with what is missing marked: given, not finite, or silent."""
+    absent = ~np.isfinite(samples) | silent(np.nan_to_num(samples), rate_hz)
+    if missing is not None:
+        absent |= missing
+    return Recorded(np.where(absent, 0.0, samples), absent, rate_hz)
+
+
+def examine(whole: Recorded, system: MachiningSystem, progress: Callable[[str], None] = lambda _step: None) -> Case:
+    """Do everything but the augmented model.
+
+    Parameters
+    ----------
+    whole : Recorded
+        The recording.
+    system : MachiningSystem
+        The base model.
+    progress : callable, optional
+        Told the name of every step.
+
+    Raises
+    ------
+    InputError
+        If there is too little to work with.
+    """
+    clipped, at = clipping(whole.samples)
+    if clipped is not None and clipped.samples <= MOST_CLIPPED * whole.samples.size:
+        whole = replace(whole, missing=whole.missing | at)
+    present = ~whole.missing
+    periods = float(present.sum()) / whole.rate_hz * system.modes[0].frequency_hz
+    if periods < FEWEST_PERIODS or float(np.std(whole.samples[present])) == 0.0:
+        raise InputError(
+            "the recording is too short for a diagnosis",
+            got=f"{periods:.0f} periods of the first mode",
+            allowed=f"at least {FEWEST_PERIODS}",
+            remedy="Record for longer.",
+        )
+    highest = max(mode.frequency_hz for mode in system.modes)
+    if highest > 0.45 * whole.rate_hz:
+        raise InputError(
+            "the recording does not reach the model's modes",
+            got=f"{whole.rate_hz:g} Hz",
+            allowed=f"> {highest / 0.45:g} Hz",
+        )
+    progress("band")
+    mean = float(np.mean(whole.samples[present]))
+    whole = replace(whole, samples=np.where(whole.missing, 0.0, (whole.samples - mean) / system.sensor.gain))
+    recorded = within_band(whole, highest)
+    progress("calibration")
+    sensor = system.sensor
+    given = Linear(system.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, system.spindle)
+    tones: list[Line] = []
+    if clipped is None or clipped.samples <= MOST_CLIPPED * whole.samples.size:
+        recorded, tones = _without_tones(recorded, given)
+    base = fit_base(recorded, given)
+    progress("innovations")
+    innovations = Innovations(recorded, *_as_model(base, system))
+    case = Case(system, whole, recorded, base, innovations, clipped, tones)
+    if clipped is not None and clipped.samples > MOST_CLIPPED * whole.samples.size:
+        case.maps = [frequency_map(base.spectrum, base.fitted)[0]]
+        return case
+    progress("signatures")
+    _gather(case)
+    progress("names")
+    _decide(case)
+    return case
+
+
+def _without_tones(recorded: Recorded, given: Linear) -> tuple[Recorded, list[Line]]:
+    """Take out tones, which stand out of the innovations of a first calibration: no mode is to be bent towards them."""
+    first = Innovations(recorded, calibrate(recorded, given).linear)
+    tones = lines(np.where(first.used, first.white, 0.0), recorded.rate_hz)
+    if not tones:
+        return recorded, tones
+    t = np.arange(recorded.samples.size)
+    turns = [2.0 * np.pi * tone.frequency_hz / recorded.rate_hz * t for tone in tones]
+    waves = np.column_stack([wave(turn) for turn in turns for wave in (np.cos, np.sin)])
+    present = ~recorded.missing
+    amplitudes = np.linalg.lstsq(waves[present], recorded.samples[present], rcond=None)[0]
+    return replace(recorded, samples=np.where(present, recorded.samples - waves @ amplitudes, 0.0)), tones
+
+
+def _as_model(base: Base, system: MachiningSystem) -> tuple[Linear, list[AppliedTerm]]:
+    """Linear part and terms of the calibrated base; regeneration that it was found to lack counts as known."""
+    linear, terms = base.linear, list(system.terms)
+    if linear.delay_s is not None and linear.spindle is not None:
+        speed = 60.0 / (linear.spindle.teeth * linear.delay_s)
+        linear = replace(linear, spindle=replace(linear.spindle, speed_rpm=speed))
+        coefficient = {"coefficient": max(linear.regeneration, 0.0)}
+        terms.append(AppliedTerm(CATALOGUE["regenerative_delay"], coefficient))
+    return linear, terms
+
+
+def _gather(case: Case) -> None:
+    """All columns, and their products."""
+    inn, recorded = case.innovations, case.recorded
+    columns: list[Vector] = []
+    groups: dict[str, list[int]] = {}
+
+    def add(name: str, new: Sequence[Vector]) -> list[int]:
+        index = list(range(len(columns), len(columns) + len(new)))
+        columns.extend(new)
+        groups.setdefault(name, []).extend(index)
+        return index
+
+    motion = inn.motion
+    add("nuisance", [inn.respond(motion.x), inn.respond(motion.v), inn.respond(np.ones_like(motion.x))])
+    if len(inn.linear.modes) > 1 or case.system.terms:
+        add("nuisance", _retuned(inn))
+    if inn.linear.delay_s is not None:
+        add("nuisance", [inn.respond(motion.lagged)])
+    t = np.arange(recorded.samples.size)
+    for tone in case.tones:
+        turn = 2.0 * np.pi * tone.frequency_hz / recorded.rate_hz * t
+        add("nuisance", [np.cos(turn), np.sin(turn)])
+    slow = [np.cos(np.pi * k * (t + 0.5) / t.size) for k in range(1, 4)]
+    add("offset", [_seen(inn, wave) for wave in slow])
+    sd_x, sd_v = basis.scales(motion)
+    present = [applied.term.name for applied in case.system.terms]
+    entries = [
+        (candidate, add("terms", [inn.of_term(candidate.term, unit) for unit in candidate.units()]))
+        for candidate in candidates(sd_x, sd_v, inn.linear.spindle, present)
+    ]
+    add("surface", basis.surface(inn))
+    add("amplitude", basis.by_amplitude(inn))
+    add("time", basis.along_time(inn))
+    add("angle", basis.along_angle(inn))
+    unrest = restlessness(inn.white, inn.used, recorded.rate_hz)
+    case.unrest = unrest
+    weight = case.weight
+    block = max(1, round(BLOCK_S * recorded.rate_hz))
+    matrix = np.array(columns)
+    case.evidence = Evidence(inn.white, matrix, weight, groups["nuisance"], block)
+    case.columns = groups
+    case.swing = modulation(inn, weight, matrix[0])
+    case.offset_p = subspace_map("offset", case.evidence, groups["offset"]).p_value
+    if case.offset_p < SURE:
+        case.evidence.nuisance = [*case.evidence.nuisance, *groups["offset"]]
+    case.contest, case.matrix = Contest(case.evidence, entries), matrix
+
+
+def _retuned(inn: Innovations) -> list[Vector]:
+    """What a change of each mode's frequency, damping and participation adds to the errors, by differences."""
+    found = []
+    for i, mode in enumerate(inn.linear.modes):
+        for name, step in (
+            ("frequency_hz", 0.02 * mode.damping_ratio),
+            ("damping_ratio", 0.02),
+            ("participation", 0.02),
+        ):
+            if name == "participation" and i == 0:
+                continue
+            both = [replace(mode, **{name: getattr(mode, name) * (1.0 + change)}) for change in (step, -step)]
+            plus, minus = (
+                Innovations(
+                    inn.recorded, replace(inn.linear, modes=_with(inn.linear.modes, i, each)), inn.terms, inn.taps
+                )
+                for each in both
+            )
+            found.append(plus.white - minus.white)
+    return found
+
+
+def _with(modes: tuple[Mode, ...], i: int, mode: Mode) -> tuple[Mode, ...]:
+    return (*modes[:i], mode, *modes[i + 1 :])
+
+
+def _seen(inn: Innovations, added: Vector) -> Vector:
+    """What something added by the sensor becomes in the whitened errors."""
+    errors = np.empty(added.size)
+    motion = Motion(*(np.zeros((2, added.size)) for _ in range(3)))
+    observe(inn.observer, known_forces(()), added, inn.recorded.missing, errors, motion)
+    return whitened(errors, inn.taps)
+
+
+def _decide(case: Case) -> None:
+    """Names, the ceiling, and a stretch that holds what the whole does not."""
+    evidence = case.evidence
+    case.named, case.ranking = case.contest.run()
+    case.ceiling = ceiling(evidence, case.columns["surface"], case.training)
+    if not case.named:
+        case.local = _local(case)
+    given = [column for scored in case.named for column in scored.columns]
+    case.maps = _maps(case, evidence)
+    before = evidence.nuisance
+    evidence.nuisance = [*before, *given]
+    case.rest = ceiling(evidence, case.columns["surface"], case.training)
+    case.rest_maps = _maps(case, evidence)
+    evidence.nuisance = before
+
+
+def _maps(case: Case, evidence: Evidence) -> list[Statistic]:
+    """The six maps beside the nuisance columns of the moment."""
+    inn, groups = case.innovations, case.columns
+    white = case.explained()
+    time = subspace_map("time", evidence, groups["time"])
+    spectrum, _, _ = frequency_map(case.base.spectrum, case.base.fitted)
+    lag, _, _ = lag_map(white, inn.used, inn.recorded.rate_hz)
+    angle = subspace_map("angle", evidence, groups["angle"])
+    swing = case.swing
+    if swing is not None and (swing.p_value < angle.p_value or not groups["angle"]):
+        angle = Statistic("angle", swing.frequency_hz, min(1.0, 2.0 * swing.p_value))
+    return [
+        time,
+        spectrum,
+        subspace_map("phase_plane", evidence, groups["surface"]),
+        subspace_map("amplitude", evidence, groups["amplitude"]),
+        lag,
+        angle,
+    ]
+
+
+def _local(case: Case) -> Local | None:
+    """An effect in a part of the recording: found on the training blocks, confirmed by the held-out ones in it."""
+    evidence = case.evidence
+    halves = [evidence.only(case.training), evidence.only(~case.training)]
+    best: Local | None = None
+    for candidate, columns in case.contest.entries:
+        if len(columns) != 1:
+            continue
+        first, last, gain, _ = stretch(halves[0], columns[0])
+        gain -= PRICE_NATS * (3 + candidate.shapes)
+        if best is not None and gain <= best.gain_nats:
+            continue
+        inside = np.zeros(evidence.blocks, dtype=bool)
+        inside[2 * first : 2 * last] = True
+        fit = evidence.regress(columns, inside & case.training)
+        if fit.coefficients[0] < candidate.lower[0]:
+            continue
+        check = evidence.regress(columns, inside & ~case.training)
+        p = float(stats.norm.sf(check.coefficients[0] / check.sd[0] * np.sign(fit.coefficients[0])))
+        best = Local(candidate, columns, (2 * first, 2 * last), gain, check.gain, p)
+    if best is None or best.p_value > SURE or best.gain_nats < LESS_NATS:
+        return None
+    return best

@@ -1,0 +1,151 @@
+"""Evidence for forces that a model lacks: regression of its whitened prediction errors on signatures.
+
+All columns (errors, signatures) are whitened by the same filter and weighted by the local size of the errors, then
+reduced to one matrix of products per block of the recording. Every question after that, coefficients, gains,
+combinations, held-out tests, is linear algebra on sums of these small matrices.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, stats
+
+Vector = NDArray[np.float64]
+_TINY = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Regressed:
+    """Coefficients of some columns beside the nuisance columns, fitted to some blocks.
+
+    Attributes
+    ----------
+    coefficients, sd : ndarray of float64, shape (k,)
+    gain : float
+        Logarithm of the likelihood ratio over the nuisance columns alone, nats, on the blocks fitted.
+    all_coefficients : ndarray of float64
+        Those of the nuisance columns as well, nuisance first.
+    """
+
+    coefficients: Vector
+    sd: Vector
+    gain: float
+    all_coefficients: Vector
+
+
+class Evidence:
+    """Products of columns by blocks.
+
+    Parameters
+    ----------
+    errors : ndarray of float64, shape (n,)
+        Whitened prediction errors.
+    columns : ndarray of float64, shape (c, n)
+        Whitened signatures.
+    weight : ndarray of float64, shape (n,)
+        Reciprocal of the standard deviation of the errors; 0 for samples not to be used.
+    nuisance : sequence of int
+        Columns that are always fitted.
+    block : int
+        Samples in a block.
+    """
+
+    def __init__(
+        self, errors: Vector, columns: NDArray[np.float64], weight: Vector, nuisance: Sequence[int], block: int
+    ) -> None:
+        self.nuisance = list(nuisance)
+        count = max(1, errors.size // block)
+        self.block = block
+        size = columns.shape[0] + 1
+        self.products = np.empty((count, size, size))
+        self.samples = np.empty(count)
+        for b in range(count):
+            part = slice(b * block, (b + 1) * block if b < count - 1 else errors.size)
+            rows = np.concatenate([errors[None, part], columns[:, part]]) * weight[part]
+            self.products[b] = rows @ rows.T
+            self.samples[b] = np.count_nonzero(weight[part])
+
+    def only(self, blocks: NDArray[np.bool_]) -> Evidence:
+        """The evidence of some blocks."""
+        part = copy.copy(self)
+        part.products, part.samples = self.products[blocks], self.samples[blocks]
+        part.__dict__.pop("everything", None)
+        return part
+
+    @property
+    def blocks(self) -> int:
+        """How many."""
+        return int(self.products.shape[0])
+
+    @cached_property
+    def everything(self) -> NDArray[np.bool_]:
+        """All blocks."""
+        return np.ones(self.blocks, dtype=bool)
+
+    def over(self, blocks: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Products summed over blocks; row and column 0 are the errors."""
+        return np.asarray(self.products[blocks].sum(axis=0))
+
+    def regress(self, columns: Sequence[int], blocks: NDArray[np.bool_] | None = None) -> Regressed:
+        """Fit some columns beside the nuisance."""
+        total = self.over(self.everything if blocks is None else blocks)
+        return _regress(total, self.nuisance, list(columns))
+
+    def bounded(
+        self, columns: Sequence[int], lower: Sequence[float], blocks: NDArray[np.bool_] | None = None
+    ) -> tuple[list[int], Regressed]:
+        """Fit with coefficients not below their bounds (0 or none); which columns are left, and their fit.
+
+        Columns at their bound are left out: with one or two of them that is the solution of the bounded problem.
+        """
+        total = self.over(self.everything if blocks is None else blocks)
+        best: tuple[list[int], Regressed] = ([], _regress(total, self.nuisance, []))
+        for mask in range(1, 1 << len(columns)):
+            chosen = [c for i, c in enumerate(columns) if mask >> i & 1]
+            floor = [low for i, low in enumerate(lower) if mask >> i & 1]
+            fit = _regress(total, self.nuisance, chosen)
+            if all(c >= low for c, low in zip(fit.coefficients, floor, strict=True)) and fit.gain > best[1].gain:
+                best = (chosen, fit)
+        return best
+
+    def gain_on(self, fit: Regressed, columns: Sequence[int], base: Regressed, blocks: NDArray[np.bool_]) -> float:
+        """Log-likelihood ratio, on blocks that were not fitted, of two fits with their coefficients as they are."""
+        return self.rest(base, [], blocks) - self.rest(fit, columns, blocks)
+
+    def rest(self, fit: Regressed, columns: Sequence[int], blocks: NDArray[np.bool_]) -> float:
+        """Half the sum of squares that a fit leaves of some blocks."""
+        return _rest(self.over(blocks), fit.all_coefficients, [*self.nuisance, *columns])
+
+    def p_value(self, columns: Sequence[int], blocks: NDArray[np.bool_]) -> float:
+        """How often chance lets these columns explain as much of these blocks."""
+        gain = _regress(self.over(blocks), self.nuisance, list(columns)).gain
+        return float(stats.chi2.sf(2.0 * max(gain, 0.0), len(columns)))
+
+
+def _regress(total: NDArray[np.float64], nuisance: list[int], columns: list[int]) -> Regressed:
+    index = [i + 1 for i in (*nuisance, *columns)]
+    normal, right = total[np.ix_(index, index)], total[index, 0]
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    scaled = normal / np.outer(size, size) + _TINY * np.eye(len(index))
+    k = len(nuisance)
+    factor = linalg.cho_factor(scaled)
+    solution = linalg.cho_solve(factor, right / size)
+    inverse = linalg.cho_solve(factor, np.eye(len(index)))
+    alone = linalg.solve(scaled[:k, :k], (right / size)[:k], assume_a="pos") if k else np.zeros(0)
+    gain = 0.5 * float((right / size) @ solution - (right / size)[:k] @ alone)
+    sd = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / size
+    return Regressed(solution[k:] / size[k:], sd[k:], gain, solution / size)
+
+
+def _rest(total: NDArray[np.float64], coefficients: Vector, columns: Sequence[int]) -> float:
+    """Half the sum of squares that is left."""
+    index = [i + 1 for i in columns]
+    right = total[index, 0]
+    square = coefficients @ total[np.ix_(index, index)] @ coefficients
+    return 0.5 * float(total[0, 0] - 2.0 * coefficients @ right + square)

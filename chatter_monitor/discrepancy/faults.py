@@ -1,0 +1,165 @@
+"""What is wrong with a recording itself: clipping, silence, impacts and swelling of the excitation, lines."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, stats
+
+Vector = NDArray[np.float64]
+
+SILENCE_S = 0.005  # a sensor that repeats its value for so long is not listening
+_PILE = 0.005  # width of the bins at the extremes, as a share of the largest magnitude
+_PILED, _RATIO = 12, 5.0  # samples in the outermost bin, and over those in the next, that mean clipping
+SIGNIFICANT = 1e-6
+SWELL_S = 0.1  # resolution of the local size of the errors
+_LEAST_SWELL = 0.05  # relative spread of the local variance, beyond chance, worth a word
+_LEAST_KURTOSIS = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Clipping:
+    """Where a sensor ends and how many samples it cost."""
+
+    level: float
+    samples: int
+
+
+def clipping(samples: Vector) -> tuple[Clipping | None, NDArray[np.bool_]]:
+    """Whether samples pile up at the extremes, and which do.
+
+    The outermost values of a vibration become rarer towards the end; those of a sensor that clips crowd there.
+    """
+    clipped = np.zeros(samples.size, dtype=bool)
+    level = math.inf
+    for side in (samples, -samples):
+        top = float(side.max())
+        if top <= 0.0:
+            continue
+        outer = int(np.count_nonzero(side > (1.0 - _PILE) * top))
+        inner = int(np.count_nonzero(side > (1.0 - 2.0 * _PILE) * top)) - outer
+        if outer >= _PILED and outer > _RATIO * max(inner, 1):
+            clipped |= side > (1.0 - _PILE) * top
+            level = min(level, top)
+    if not clipped.any():
+        return None, clipped
+    return Clipping(level, int(np.count_nonzero(clipped))), clipped
+
+
+def silent(samples: Vector, rate_hz: float) -> NDArray[np.bool_]:
+    """Samples within runs of one and the same value that last for `SILENCE_S` or longer."""
+    same = np.concatenate([[False], np.diff(samples) == 0.0])
+    least = max(3, round(SILENCE_S * rate_hz))
+    runs = ndimage.binary_opening(same, np.ones(least - 1, dtype=bool))
+    return np.asarray(ndimage.binary_dilation(runs, np.array([False, True, True])) | runs)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Restlessness:
+    """Errors that are not of one size.
+
+    Attributes
+    ----------
+    kind : str or None
+        "impacts", "nonstationary_excitation", or None.
+    p_value : float
+        Of the test that found it.
+    gain_nats : float
+        What knowing the size of the errors adds to the logarithm of the likelihood.
+    scale : ndarray of float64, shape (n,)
+        Standard deviation of each error; constant unless a kind was found.
+    depth : float
+        rms of the relative changes of the local variance beyond chance.
+    kurtosis : float
+        Excess kurtosis of the errors.
+    """
+
+    kind: str | None
+    p_value: float
+    gain_nats: float
+    scale: Vector
+    depth: float
+    kurtosis: float
+
+
+def restlessness(whitened: Vector, used: NDArray[np.bool_], rate_hz: float) -> Restlessness:
+    """Test whitened errors for heavy tails and for a size that changes with time."""
+    e = whitened[used]
+    sd = float(np.std(e))
+    z = e / sd
+    excess = float(np.mean(z**4)) - 3.0
+    p_tails = 2.0 * float(stats.norm.sf(abs(excess) / math.sqrt(24.0 / z.size)))
+    length = max(32, round(SWELL_S * rate_hz))
+    count = z.size // length
+    local = np.mean(z[: count * length].reshape(count, length) ** 2, axis=1)
+    # Under one size each local mean of squares has the variance of a square over its length.
+    square = float(np.var(z**2))
+    dispersion = float(np.sum((local - local.mean()) ** 2)) / (square / length)
+    p_swell = float(stats.chi2.sf(dispersion, count - 1))
+    depth = math.sqrt(max(float(np.var(local)) - square / length, 0.0))
+    scale = np.full(whitened.size, sd)
+    if p_swell < SIGNIFICANT and depth > _LEAST_SWELL:
+        smooth = np.sqrt(ndimage.gaussian_filter1d(np.where(used, whitened, sd) ** 2, length))
+        gain = float(np.sum(np.log(sd / smooth[used])) + 0.5 * np.sum(z**2 - (whitened / smooth)[used] ** 2))
+        inner = (whitened / smooth)[used]
+        if float(np.mean(inner**4)) / float(np.mean(inner**2)) ** 2 - 3.0 < 0.5 * excess or excess < _LEAST_KURTOSIS:
+            return Restlessness("nonstationary_excitation", p_swell, gain, np.asarray(smooth), depth, excess)
+    if p_tails < SIGNIFICANT and excess > _LEAST_KURTOSIS:
+        # Large errors count as what a mixture of two sizes makes of them.
+        core = 1.4826 * float(np.median(np.abs(e)))
+        heavy = np.sqrt(ndimage.uniform_filter1d(np.where(used, whitened, core) ** 2, 3))
+        scale = np.maximum(core, np.where(heavy > 3.0 * core, heavy, core))
+        gain = float(np.sum(np.log(sd / scale[used])) + 0.5 * np.sum(z**2 - (whitened / scale)[used] ** 2))
+        return Restlessness("impacts", p_tails, gain, np.asarray(scale), depth, excess)
+    return Restlessness(None, min(p_tails, p_swell), 0.0, scale, depth, excess)
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A tone in the errors.
+
+    Attributes
+    ----------
+    frequency_hz, p_value, gain_nats : float
+    """
+
+    frequency_hz: float
+    p_value: float
+    gain_nats: float
+
+
+def lines(whitened: Vector, rate_hz: float, most: int = 12) -> list[Line]:
+    """Tones that stand out of the whitened errors, strongest first.
+
+    A periodogram ordinate of white noise is exponentially distributed; a tone puts its power into two or three of
+    them, where a resonance fills many.
+    """
+    found: list[Line] = []
+    rest = whitened / np.std(whitened)
+    n = rest.size
+    t = np.arange(n)
+    for _ in range(most):
+        power = np.abs(np.fft.rfft(rest)) ** 2 / n
+        first = 3
+        peak = first + int(np.argmax(power[first:-2]))
+        around = np.concatenate([power[max(peak - 40, 1) : peak - 3], power[peak + 4 : peak + 40]])
+        local = float(np.median(around)) / math.log(2.0)
+        ordinate = float(power[peak]) / max(local, 1.0)
+        p = min(1.0, n / 2 * math.exp(-min(ordinate, 700.0)))
+        if p > SIGNIFICANT:
+            break
+        # The frequency between two ordinates that takes most of the power.
+        a, b, c = (float(np.sqrt(power[peak + i])) for i in (-1, 0, 1))
+        shift = (c if c > a else -a) / (b + max(a, c))
+        best = max(
+            np.linspace(peak + shift - 0.1, peak + shift + 0.1, 21),
+            key=lambda at: abs(np.exp(-2j * np.pi * at / n * t) @ rest),
+        )
+        tone = 2.0 / n * (np.exp(-2j * np.pi * best / n * t) @ rest)
+        before = float(rest @ rest)
+        rest = rest - (tone * np.exp(2j * np.pi * best / n * t)).real
+        found.append(Line(float(best * rate_hz / n), p, 0.5 * (before - float(rest @ rest))))
+    return found

@@ -1,0 +1,104 @@
+"""Whitened prediction errors of a model on a recording, and whitened signatures of forces in them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import accumulate
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.discrepancy.band import Recorded
+from chatter_monitor.discrepancy.observer import Linear, observer, sized
+from chatter_monitor.discrepancy.whitening import ORDER, trusted, whitened, whitener
+from chatter_monitor.kernels.signatures import Forces, Motion, force_along, observe, signature
+from chatter_monitor.physics.parts import AppliedTerm
+from chatter_monitor.physics.terms import Term
+
+Vector = NDArray[np.float64]
+_MEMORY_DECAYS = 5.0  # samples before a used one that have to be there, in decay times of the filter
+
+
+def known_forces(terms: Sequence[AppliedTerm]) -> Forces:
+    """Terms as the kernels take them."""
+    columns = [0, *accumulate(len(applied.values) for applied in terms)]
+    return Forces(
+        np.array([applied.term.compiled_force.address for applied in terms], dtype=np.int64),
+        np.array([_rate(applied.term) for applied in terms], dtype=np.int64),
+        np.array(columns[:-1], dtype=np.int64),
+        np.array([value for applied in terms for value in applied.values] or [0.0]),
+    )
+
+
+def _rate(term: Term) -> int:
+    rate = term.compiled_rate
+    return rate.address if rate else 0
+
+
+class Innovations:
+    """Prediction errors of a model, whitened.
+
+    Parameters
+    ----------
+    recorded : Recorded
+        Within its band.
+    linear : Linear
+        The linear part of the model.
+    terms : sequence of AppliedTerm
+        Its forces.
+    taps : ndarray of float64, optional
+        Whitener to use; fitted if not given.
+
+    Attributes
+    ----------
+    errors, white : ndarray of float64, shape (n,)
+        Prediction errors, before and after whitening.
+    used : ndarray of bool, shape (n,)
+        Samples whose prediction rests on samples that are all there.
+    motion : Motion
+        Of the tool.
+    """
+
+    def __init__(
+        self, recorded: Recorded, linear: Linear, terms: Sequence[AppliedTerm] = (), taps: Vector | None = None
+    ) -> None:
+        self.recorded, self.linear, self.terms = recorded, linear, tuple(terms)
+        n = recorded.samples.size
+        self.observer = observer(linear, recorded.rate_hz)
+        self.errors = np.empty(n)
+        self.motion = Motion(*(np.zeros((2, n)) for _ in range(3)))
+        known = known_forces(self.terms)
+        for _ in range(2 if self.terms else 1):  # the size of the errors is known after the first run
+            observe(self.observer, known, recorded.samples, recorded.missing, self.errors, self.motion)
+            self.used = trusted(recorded.missing, ORDER + self._memory())
+            size = float(np.std(self.errors[self.used]))
+            self.observer = sized(observer(linear, recorded.rate_hz), size)
+        self.taps = whitener(self.errors, self.used) if taps is None else taps
+        self.white = whitened(self.errors, self.taps)
+
+    def _memory(self) -> int:
+        """Samples after which the filter has forgotten an error."""
+        o = self.observer
+        closed = o.transition @ (np.eye(o.gain.size) - np.outer(o.gain, o.output))
+        slowest = min(float(np.max(np.abs(np.linalg.eigvals(closed)))), 0.9999)
+        return min(math.ceil(_MEMORY_DECAYS / max(1e-3, -math.log(slowest))), self.recorded.samples.size // 20)
+
+    def force(self, term: Term, values: Sequence[float]) -> NDArray[np.float64]:
+        """Force of a term along the motion, shape (3, n); see `kernels.signatures.force_along`."""
+        out = np.empty((3, self.errors.size))
+        parameters = np.array(values, dtype=np.float64)
+        force_along(self.observer, self.motion, term.compiled_force.address, _rate(term), parameters, out)
+        return out
+
+    def respond(self, force: NDArray[np.float64]) -> Vector:
+        """Whitened signature of a force given as (3, n), or as (2, n) from a state of the motion."""
+        if force.shape[0] == 2:
+            force = force[[0, 1, 1]]
+        out = np.empty(self.errors.size)
+        signature(self.observer, np.ascontiguousarray(force), self.recorded.missing, out)
+        return whitened(out, self.taps)
+
+    def of_term(self, term: Term, values: Sequence[float]) -> Vector:
+        """Whitened signature of a term."""
+        return self.respond(self.force(term, values))

@@ -1,0 +1,201 @@
+"""Naming what a base model lacks: candidates against each other, on samples that they were not fitted to.
+
+The recording is cut into blocks; every second one is held out. A candidate leads by its gain on the training blocks
+less a price for every parameter, and counts when the held-out blocks confirm it. Names are told apart by all blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from chatter_monitor.discrepancy.candidates import Candidate
+from chatter_monitor.discrepancy.evidence import Evidence, Regressed
+
+PRICE_NATS = 3.0  # of a parameter
+HELD_OUT_P = 1e-4
+LEAST_HELD_OUT_NATS = 4.0
+MOST_TERMS = 3
+LESS_NATS = 10.0  # by which an effect in a part of the recording has to beat the same effect all along
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scored:
+    """A candidate with its evidence.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    all_columns, columns : list of int
+        Of its coefficients, and those of them that are not at their bound.
+    fit : Regressed
+        On all blocks.
+    evidence_nats : float
+        Gain on all blocks less the price of the parameters.
+    held_out_nats : float
+        Gain on the held-out blocks with the coefficients of the training blocks.
+    p_value : float
+        Of the held-out blocks.
+    """
+
+    candidate: Candidate
+    all_columns: list[int]
+    columns: list[int]
+    fit: Regressed
+    evidence_nats: float
+    held_out_nats: float
+    p_value: float
+
+
+Entry = tuple[float, Candidate, list[int], list[int]]
+
+
+class Contest:
+    """All candidates before one recording.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    entries : sequence of (Candidate, list of int)
+        Candidates and the columns of their coefficients.
+    """
+
+    def __init__(self, evidence: Evidence, entries: Sequence[tuple[Candidate, list[int]]]) -> None:
+        self.evidence, self.entries = evidence, list(entries)
+        self.training = np.arange(evidence.blocks) % 2 == 0
+
+    def best(self, given: Sequence[int], blocks: NDArray[np.bool_]) -> dict[str, Entry]:
+        """Best shape of every name, with its gain less its price, beside columns that are given."""
+        found: dict[str, Entry] = {}
+        with self._beside(given) as evidence:
+            for candidate, columns in self.entries:
+                left, fit = evidence.bounded(columns, candidate.lower, blocks)
+                score = fit.gain - PRICE_NATS * (len(left) + candidate.shapes) if left else 0.0
+                if candidate.name not in found or score > found[candidate.name][0]:
+                    found[candidate.name] = (score, candidate, columns, left)
+        return found
+
+    def score(self, entry: Entry, given: Sequence[int]) -> Scored:
+        """Evidence of one candidate."""
+        _, candidate, all_columns, columns = entry
+        with self._beside(given) as evidence:
+            fit = evidence.regress(columns)
+            trained = evidence.regress(columns, self.training)
+            base = evidence.regress([], self.training)
+            held = evidence.gain_on(trained, columns, base, ~self.training)
+            p = evidence.p_value(columns, ~self.training) if columns else 1.0
+        price = PRICE_NATS * (len(columns) + candidate.shapes)
+        return Scored(candidate, all_columns, columns, fit, fit.gain - price, held, p)
+
+    def run(self) -> tuple[list[Scored], list[Scored]]:
+        """Forward selection.
+
+        Returns
+        -------
+        list of Scored
+            What is named.
+        list of Scored
+            For the first of them, or in its place: best shape of every name, most evidence first.
+        """
+        named: list[Scored] = []
+        given: list[int] = []
+        ranking: list[Scored] = []
+        while len(named) < MOST_TERMS:
+            taken = {each.candidate.name for each in named}
+            leaders = {k: v for k, v in self.best(given, self.training).items() if k not in taken and v[3]}
+            everything = {
+                k: v for k, v in self.best(given, self.evidence.everything).items() if k not in taken and v[3]
+            }
+            scored = [self.score(entry, given) for entry in everything.values()]
+            scored.sort(key=lambda each: -each.evidence_nats)
+            ranking = ranking or scored
+            if not leaders or not scored:
+                break
+            leader = self.score(max(leaders.values(), key=lambda each: each[0]), given)
+            if (
+                leader.p_value > HELD_OUT_P
+                or leader.held_out_nats < LEAST_HELD_OUT_NATS
+                or scored[0].evidence_nats <= 0
+            ):
+                break
+            named.append(scored[0])
+            given.extend(scored[0].columns)
+        return named, ranking
+
+    def _beside(self, given: Sequence[int]) -> _Beside:
+        return _Beside(self.evidence, given)
+
+
+class _Beside:
+    """The evidence with more columns among the nuisance, for the time of a `with`."""
+
+    def __init__(self, evidence: Evidence, given: Sequence[int]) -> None:
+        self.evidence, self.given = evidence, list(given)
+
+    def __enter__(self) -> Evidence:
+        self._before = self.evidence.nuisance
+        self.evidence.nuisance = [*self._before, *self.given]
+        return self.evidence
+
+    def __exit__(self, *_: object) -> None:
+        self.evidence.nuisance = self._before
+
+
+def stretch(evidence: Evidence, column: int, least: int = 2) -> tuple[int, int, float, float]:
+    """Run of blocks in which one column gains most.
+
+    Returns
+    -------
+    int, int
+        First block and one past the last.
+    float, float
+        Gain there, and over the whole recording, nats.
+    """
+    nuisance = [i + 1 for i in evidence.nuisance]
+    total = evidence.products.sum(axis=0)
+    c = column + 1
+    normal = total[np.ix_(nuisance, nuisance)]
+    ridge = 1e-9 * np.diag(np.diag(normal))
+    beta = np.linalg.solve(normal + ridge, total[np.ix_(nuisance, [0, c])])
+    p = evidence.products
+    cross = p[:, nuisance][:, :, [0, c]]
+    inner = p[:, nuisance][:, :, nuisance]
+    score = (
+        p[:, 0, c] - cross[:, :, 1] @ beta[:, 0] - cross[:, :, 0] @ beta[:, 1]
+        + np.einsum("i,bij,j->b", beta[:, 0], inner, beta[:, 1])
+    )  # fmt: skip
+    weight = p[:, c, c] - 2.0 * cross[:, :, 1] @ beta[:, 1] + np.einsum("i,bij,j->b", beta[:, 1], inner, beta[:, 1])
+    u, w = np.concatenate([[0.0], np.cumsum(score)]), np.concatenate([[0.0], np.cumsum(weight)])
+    first, last = np.triu_indices(evidence.blocks + 1, least)
+    gain = 0.5 * (u[last] - u[first]) ** 2 / np.maximum(w[last] - w[first], 1e-300)
+    best = int(np.argmax(gain))
+    return int(first[best]), int(last[best]), float(gain[best]), float(0.5 * u[-1] ** 2 / w[-1])
+
+
+def subspace_p(
+    evidence: Evidence, columns: Sequence[int], blocks: NDArray[np.bool_] | None = None
+) -> tuple[float, float, int]:
+    """Test whether many columns together explain anything: statistic, p-value, degrees of freedom.
+
+    Only directions that the recording determines count: those whose share of the products is not negligible once the
+    nuisance columns are taken out.
+    """
+    if not columns:
+        return 0.0, 1.0, 0
+    total = evidence.over(evidence.everything if blocks is None else blocks)
+    nuisance = [i + 1 for i in evidence.nuisance]
+    index = [i + 1 for i in columns]
+    normal = total[np.ix_(nuisance, nuisance)] + 1e-9 * np.diag(np.diag(total)[nuisance])
+    projection = np.linalg.solve(normal, total[np.ix_(nuisance, [0, *index])])
+    right = total[index, 0] - total[np.ix_(index, nuisance)] @ projection[:, 0]
+    rest = total[np.ix_(index, index)] - total[np.ix_(index, nuisance)] @ projection[:, 1:]
+    size = np.sqrt(np.maximum(np.diag(total)[index], 1e-300))
+    values, vectors = np.linalg.eigh(rest / np.outer(size, size))
+    kept = values > 1e-4 * values[-1]
+    statistic = float(np.sum((vectors[:, kept].T @ (right / size)) ** 2 / values[kept]))
+    freedom = int(kept.sum())
+    return statistic, float(stats.chi2.sf(statistic, freedom)), freedom

@@ -1,0 +1,158 @@
+"""The steady Kalman filter of the linear part of a machine, from its physical parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from chatter_monitor.kernels.signatures import Observer
+from chatter_monitor.physics.parts import Mode, Quantity, Spindle
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Linear:
+    """A linear machine in white noise, seen through a noisy sensor.
+
+    Attributes
+    ----------
+    modes : tuple of Mode
+    quantity : str
+        What the sensor measures.
+    noise : float
+        Variance of the sensor's noise over that of the signal.
+    low_cut_hz : float
+        High-pass of a microphone, for "pressure".
+    spindle : Spindle, optional
+    corner_hz : float, optional
+        Of a second-order low-pass of the force.
+    delay_s, regeneration : float, optional
+        Delay and coefficient of a delayed spring on the tool, relative to the first mode's w^2.
+    """
+
+    modes: tuple[Mode, ...]
+    quantity: Quantity
+    noise: float
+    low_cut_hz: float = 20.0
+    spindle: Spindle | None = None
+    corner_hz: float | None = None
+    delay_s: float | None = None
+    regeneration: float = 0.0
+
+
+def observer(linear: Linear, rate_hz: float) -> Observer:
+    """Steady Kalman filter of a linear machine at a sample rate.
+
+    The covariance that is left to the state, which averages the forces, is in units of the driving noise: its size
+    follows from the recording, see `sized`.
+
+    Parameters
+    ----------
+    linear : Linear
+    rate_hz : float
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If no steady filter exists.
+    """
+    A, force, H, D, tool = _continuous(linear)
+    step_s = 1.0 / rate_hz
+    phi, begin, end = _hold(A, force, step_s)
+    # White noise that is sampled folds its whole spectrum into the band, a recording does not: it has been filtered.
+    # Displacement falls off fast enough for that not to matter. For the others the force is a random number per sample,
+    # which keeps the zeros of their response at 0 Hz: held for a velocity, joined by straight lines, and with a state of
+    # its own, for what feels the force itself.
+    match linear.quantity:
+        case "displacement":
+            Q = _noise(A, force, step_s)
+        case "velocity":
+            Q = np.outer(begin + end, begin + end)
+        case "acceleration" | "pressure":
+            size = linear.modes[0].omega ** 2  # of the force's state, so that all states are of one order
+            phi = np.block([[phi, size * begin[:, None]], [np.zeros((1, force.size + 1))]])
+            unit = np.append(size * end, 1.0)
+            Q = np.outer(unit, unit)
+            H, tool = np.append(H, size * D), np.pad(tool, ((0, 0), (0, 1)))
+            begin, end = np.append(begin, 0.0), np.append(end, 0.0)
+    Q /= float(H @ linalg.solve_discrete_lyapunov(phi, Q) @ H)
+    R = np.array([[max(linear.noise, 1e-9)]])
+    ahead = linalg.solve_discrete_are(phi.T, H[:, None], Q, R)
+    S = float(H @ ahead @ H + R[0, 0])
+    K = ahead @ H / S
+    after = ahead - np.outer(K, K) * S
+    spread = _root(tool @ after @ tool.T / S)
+    spindle = linear.spindle
+    delay = spindle.delay_s * rate_hz if spindle else 0.0
+    turn = spindle.omega * step_s if spindle else 0.0
+    omega = linear.modes[0].omega
+    return Observer(phi, begin, end, K, H, D, tool, spread, step_s, omega, delay, turn)
+
+
+def sized(steady: Observer, error_sd: float) -> Observer:
+    """The observer with the spread of the state that belongs to prediction errors of that standard deviation."""
+    return steady._replace(spread=steady.spread * error_sd)
+
+
+def _continuous(linear: Linear) -> tuple[Matrix, Matrix, Matrix, float, Matrix]:
+    """A, force input, H, D and the tool's rows; velocities are in units of the first mode's w x."""
+    modes, w0 = linear.modes, linear.modes[0].omega
+    m = len(modes)
+    size = 2 * m + (linear.quantity == "pressure")
+    A, force, tool = np.zeros((size, size)), np.zeros(size), np.zeros((2, size))
+    for i, mode in enumerate(modes):
+        g = mode.participation
+        A[i, m + i] = w0
+        A[m + i, i] = -(mode.omega**2) / w0
+        A[m + i, m + i] = -2.0 * mode.damping_ratio * mode.omega
+        force[m + i] = -g / w0
+        tool[0, i], tool[1, m + i] = g, g * w0
+    acceleration, felt = tool[1] @ A, float(tool[1] @ force)
+    match linear.quantity:
+        case "displacement":
+            return A, force, tool[0], 0.0, tool
+        case "velocity":
+            return A, force, tool[1], 0.0, tool
+        case "acceleration":
+            return A, force, acceleration, felt, tool
+        case "pressure":
+            cut = 2.0 * np.pi * linear.low_cut_hz
+            A[-1] = cut * acceleration / w0**2
+            A[-1, -1] -= cut
+            force[-1] = cut * felt / w0**2
+            return A, force, acceleration - w0**2 * np.eye(size)[-1], felt, tool
+
+
+def _hold(A: Matrix, force: Matrix, step_s: float) -> tuple[Matrix, Matrix, Matrix]:
+    """Transition, and the answer to a force that changes linearly over the step, by its ends."""
+    n = A.shape[0]
+    big = np.zeros((n + 2, n + 2))
+    big[:n, :n] = A * step_s
+    big[:n, n] = force * step_s
+    big[n, n + 1] = 1.0
+    exponential = linalg.expm(big)
+    constant, ramp = exponential[:n, n], exponential[:n, n + 1]
+    return exponential[:n, :n].copy(), constant - ramp, ramp.copy()
+
+
+def _noise(A: Matrix, force: Matrix, step_s: float) -> Matrix:
+    """Covariance of what white noise adds over a step (Van Loan 1978)."""
+    n = A.shape[0]
+    big = np.zeros((2 * n, 2 * n))
+    big[:n, :n] = -A * step_s
+    big[:n, n:] = np.outer(force, force) * step_s
+    big[n:, n:] = A.T * step_s
+    exponential = linalg.expm(big)
+    Q = exponential[n:, n:].T @ exponential[:n, n:]
+    return np.asarray(0.5 * (Q + Q.T))
+
+
+def _root(P: Matrix) -> Matrix:
+    """Lower triangular square root of a 2 x 2 covariance."""
+    a = np.sqrt(max(P[0, 0], 0.0))
+    b = P[1, 0] / a if a > 0.0 else 0.0
+    return np.array([[a, 0.0], [b, np.sqrt(max(P[1, 1] - b * b, 0.0))]])

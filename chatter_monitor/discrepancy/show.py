@@ -1,0 +1,303 @@
+"""The report as one HTML file, and the figures that only a free-running simulation gives."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal as dsp
+from scipy import stats
+
+from chatter_monitor.discrepancy.basis import REACH, scales, surface_at
+from chatter_monitor.discrepancy.conclude import Diagnosis
+from chatter_monitor.discrepancy.locate import frequency_map, lag_map
+from chatter_monitor.discrepancy.report import FreeRun, Report
+from chatter_monitor.errors import InputError
+from chatter_monitor.physics.model import MachiningSystem
+from chatter_monitor.physics.simulate import simulate
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Vector = NDArray[np.float64]
+
+RUN_S = 10.0  # longest free-running simulation
+SEED = 1
+RECORDED, BASE, AUGMENTED = "#4a6fa5", "#9a9a9a", "#b0303a"
+_STYLE = """body{font:16px/1.5 sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#222}
+.verdict{padding:.8rem 1rem;border-left:.4rem solid #b0303a;background:#f6f1ee;font-size:1.15rem}
+table{border-collapse:collapse;margin:1rem 0}td,th{padding:.25rem .8rem;border-bottom:1px solid #ddd;text-align:left}
+img{max-width:100%}small{color:#666}"""
+
+
+def page(diagnosis: Diagnosis, name: str) -> tuple[str, Report]:
+    """HTML page of a diagnosis.
+
+    Returns
+    -------
+    str
+        A page with everything inside.
+    Report
+        The report with what the free-running simulations add.
+    """
+    report = diagnosis.report
+    runs = _runs(diagnosis)
+    report = _with_runs(diagnosis, report, runs)
+    pictures = []
+    if report.fit.held_out_s:
+        pictures = [("Where they differ", _maps(diagnosis))]
+        pictures.append(("Recording and simulations", _comparison(diagnosis, runs)))
+    parts = [
+        f"<h1>{html.escape(name)}</h1>",
+        f'<p class="verdict"><b>{report.verdict.replace("_", " ")}</b>. {html.escape(report.summary)}</p>',
+        *(f"<p><small>{html.escape(warning)}</small></p>" for warning in report.warnings),
+        _terms(report),
+        *(f'<h2>{title}</h2><img alt="{title}" src="data:image/png;base64,{data}">' for title, data in pictures),
+        _tables(report),
+    ]
+    body = "\n".join(parts)
+    page_text = (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(name)}</title>'
+        f"<style>{_STYLE}</style></head><body>{body}</body></html>\n"
+    )
+    return page_text, report
+
+
+def _runs(diagnosis: Diagnosis) -> dict[str, Vector]:
+    """Recording and simulations that run on their own, at the recording's rate."""
+    whole = diagnosis.case.whole
+    runs = {"recording": whole.samples}
+    for key, system in (("base", diagnosis.base), ("augmented", diagnosis.model)):
+        if key == "augmented" and diagnosis.augmented is None:
+            continue
+        run = _free(system, min(whole.seconds, RUN_S), whole.rate_hz)
+        if run is not None:
+            runs[key] = run
+    return runs
+
+
+def _free(system: MachiningSystem, seconds: float, rate_hz: float) -> Vector | None:
+    if system.excitation.kind == "measured":
+        return None
+    slowest = min(mode.damping_ratio * mode.omega for mode in system.modes)
+    try:
+        run = simulate(system, seconds, SEED, rate_hz, settle_s=min(10.0 / slowest, 2.0))
+    except InputError:
+        return None  # it grows without bound, which the report shows as missing
+    return (run.signal - float(np.mean(run.signal))) / system.sensor.gain
+
+
+def psd_distance_db(a: Vector, b: Vector, rate_hz: float, top_hz: float) -> float:
+    """Rms difference of two spectra in dB up to a frequency, from Welch's method with 2048 samples."""
+    f, one = dsp.welch(a, rate_hz, nperseg=2048)
+    _, other = dsp.welch(b, rate_hz, nperseg=2048)
+    inside = (f > 0.01 * top_hz) & (f < top_hz)
+    return float(np.sqrt(np.mean((10.0 * np.log10(one[inside] / other[inside])) ** 2)))
+
+
+def _with_runs(diagnosis: Diagnosis, report: Report, runs: dict[str, Vector]) -> Report:
+    if "base" not in runs or not report.fit.held_out_s:
+        return report
+    rate, recorded = diagnosis.case.whole.rate_hz, runs["recording"]
+    top = 0.42 * diagnosis.case.recorded.rate_hz
+    after = runs.get("augmented", runs["base"])
+    distance = [psd_distance_db(recorded, run, rate, top) for run in (runs["base"], after)]
+    amplitude = [_amplitude_distance(recorded, run) for run in (runs["base"], after)]
+    three = (recorded, runs["base"], after)
+    rms = [float(np.std(each)) for each in three]
+    kurtosis = [float(stats.kurtosis(each)) + 3.0 for each in three]
+    free = FreeRun((rms[0], rms[1], rms[2]), (kurtosis[0], kurtosis[1], kurtosis[2]), amplitude[0], amplitude[1])
+    fit = msgspec.structs.replace(
+        report.fit, psd_distance_db_before=distance[0], psd_distance_db_after=distance[1], free_run=free
+    )
+    return msgspec.structs.replace(report, fit=fit)
+
+
+def _amplitude_distance(a: Vector, b: Vector) -> float:
+    """Largest difference of the distribution functions of the amplitudes, each relative to its rms."""
+    one, other = (np.abs(dsp.hilbert(each[: 1 << int(np.log2(each.size))])) / np.std(each) for each in (a, b))
+    return float(stats.ks_2samp(one[::8], other[::8]).statistic)
+
+
+def _terms(report: Report) -> str:
+    if not report.terms:
+        return ""
+    rows = [
+        f"<tr><td>{term.name.replace('_', ' ')}{f' ({html.escape(term.sense)})' if term.sense else ''}</td>"
+        f"<td>{name}</td>"
+        f"<td>{e.value:.4g}</td><td>{e.ci95[0]:.4g} to {e.ci95[1]:.4g}</td><td>{html.escape(e.unit)}</td>"
+        f"<td>{term.evidence_nats:.1f}</td></tr>"
+        for term in report.terms
+        for name, e in term.parameters.items()
+    ]
+    reasons = "".join(f"<p>{html.escape(term.why)}</p>" for term in report.terms)
+    head = "<tr><th>missing</th><th>parameter</th><th>value</th><th>95 %</th><th>unit</th><th>evidence, nats</th></tr>"
+    return f"<h2>What is missing</h2>{reasons}<table>{head}{''.join(rows)}</table>"
+
+
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    lines = ["".join(f"<th>{cell}</th>" for cell in head)]
+    lines += ["".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in rows]
+    return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
+
+
+def _tables(report: Report) -> str:
+    fit, free = report.fit, report.fit.free_run
+    maps = [(each.name.replace("_", " "), f"{each.value:.4g}", f"{each.p_value:.2g}") for each in report.located.maps]
+    others = [(each.name.replace("_", " "), f"{each.evidence_nats:.1f}") for each in report.alternatives]
+    could = [
+        (each.name.replace("_", " "), f"{100 * each.detectable:.2g} %", f"{each.seconds_for_two_percent:.3g} s")
+        for each in report.information
+    ]
+    parts = []
+    if fit.residual_white_p_before is not None and fit.residual_white_p_after is not None:
+        parts.append(
+            f"<h2>Held-out stretches</h2><p>Gain {fit.gain_nats:.1f} nats ({fit.gain_bits:.1f} bits) over the "
+            f"re-calibrated base model. Whiteness of what is left: p = {fit.residual_white_p_before:.2g} before, "
+            f"{fit.residual_white_p_after:.2g} after.</p>"
+        )
+    if free is not None:
+        runs = [
+            ("rms", *(f"{value:.4g}" for value in free.rms)),
+            ("kurtosis", *(f"{value:.3f}" for value in free.kurtosis)),
+            (
+                "distance of the spectra, dB",
+                "",
+                f"{fit.psd_distance_db_before:.3f}",
+                f"{fit.psd_distance_db_after:.3f}",
+            ),
+        ]
+        parts += ["<h2>Free-running</h2>", _table(("", "recording", "base", "augmented"), runs)]
+    parts += [
+        "<h2>Maps</h2>",
+        _table(("map", "statistic", "p"), maps),
+        "<h2>Other explanations</h2>",
+        _table(("name", "nats"), others),
+        "<h2>What this recording could have shown</h2><p>Smallest effect, as a share of the restoring force that "
+        "nothing linear makes, and how long to record for 2 %.</p>",
+        _table(("name", "smallest", "for 2 %"), could),
+    ]
+    return "".join(parts)
+
+
+def _maps(diagnosis: Diagnosis) -> str:
+    """Six maps in one picture."""
+    case = diagnosis.case
+    inn = case.innovations
+    figure = _figure(14.0, 8.0)
+    axes = figure.subplots(2, 3).ravel()
+    p = {each.name: each.p_value for each in case.maps}
+    white, used = inn.white * case.weight, inn.used
+    rate = case.recorded.rate_hz
+    block = max(1, round(0.25 * rate))
+    count = white.size // block
+    local = np.mean(white[: count * block].reshape(count, block) ** 2, axis=1)
+    axes[0].plot((np.arange(count) + 0.5) * block / rate, local, color=RECORDED, lw=1)
+    axes[0].set(
+        xlabel="time, s", ylabel="mean square of the errors", title=f"time, p = {p['time']:.2g}", ylim=(0, None)
+    )
+    _, f, ratio = frequency_map(case.base.spectrum, case.base.fitted)
+    axes[1].plot(f, 10.0 * np.log10(ratio), color=RECORDED)
+    axes[1].set(xlabel="Hz", ylabel="recording over base, dB", title=f"frequency, p = {p['frequency']:.2g}")
+    _draw_plane(axes[2], diagnosis, p["phase_plane"])
+    _draw_amplitude(axes[3], diagnosis, p["amplitude"])
+    _, lags, correlation = lag_map(inn.white, used, rate)
+    axes[4].plot(1e3 * lags, correlation, color=RECORDED, lw=0.6)
+    if inn.linear.spindle is not None:
+        axes[4].axvline(1e3 * inn.linear.spindle.delay_s, color=AUGMENTED, ls="--", lw=0.8)
+    axes[4].set(xlabel="lag, ms", ylabel="correlation, standard deviations", title=f"lag, p = {p['lag']:.2g}")
+    _draw_angle(axes[5], diagnosis, p["angle"])
+    return _encoded(figure)
+
+
+def _draw_plane(axes: Axes, diagnosis: Diagnosis, p: float) -> None:
+    case = diagnosis.case
+    axis = np.linspace(-REACH, REACH, 61)
+    x, v = np.meshgrid(axis, axis, indexing="ij")
+    force = surface_at(case.ceiling.coefficients, x, v)
+    weight = np.exp(-0.5 * (x**2 + v**2))
+    design = np.stack([np.ones_like(x), x, v]).reshape(3, -1)
+    beta = np.linalg.solve((design * weight.ravel()) @ design.T, (design * weight.ravel()) @ force.ravel())
+    force = np.where(np.hypot(x, v) < REACH, force - (beta @ design).reshape(x.shape), np.nan)
+    sd_x, _ = scales(case.innovations.motion)
+    relative = 100.0 * force / (case.innovations.linear.modes[0].omega ** 2 * sd_x)
+    top = float(np.nanmax(np.abs(relative)))
+    drawn = axes.pcolormesh(axis, axis, relative.T, cmap="RdBu_r", vmin=-top, vmax=top, shading="auto")
+    axes.figure.colorbar(drawn, ax=axes, label="force, % of rms restoring force")
+    axes.set(xlabel="x / rms", ylabel="x' / rms", title=f"phase plane: force nothing linear makes, p = {p:.2g}")
+
+
+def _draw_amplitude(axes: Axes, diagnosis: Diagnosis, p: float) -> None:
+    case = diagnosis.case
+    motion = case.innovations.motion
+    sd_x, sd_v = scales(motion)
+    amplitude = np.hypot(motion.x[0] / sd_x, motion.v[0] / sd_v)
+    edges = np.quantile(amplitude, np.linspace(0.0, 1.0, 13))
+    inside = np.digitize(amplitude, edges[1:-1])
+    weighted = case.innovations.white * case.weight
+    for column, label, color in ((0, "stiffness", RECORDED), (1, "damping", AUGMENTED)):
+        s = case.matrix[column] * case.weight
+        information = np.bincount(inside, s * s, 12)
+        value = np.bincount(inside, s * weighted, 12) / information
+        centre = np.bincount(inside, amplitude, 12) / np.bincount(inside, minlength=12)
+        w = case.innovations.linear.modes[0].omega
+        unit = w * w if column == 0 else 2.0 * case.innovations.linear.modes[0].damping_ratio * w
+        axes.errorbar(centre, 100 * value / unit, 196 / np.sqrt(information) / unit, fmt=".-", color=color, label=label)
+    axes.axhline(0.0, color="0.6", lw=0.8)
+    axes.set(xlabel="amplitude / rms", ylabel="change, %", title=f"amplitude, p = {p:.2g}")
+    axes.legend(fontsize="small")
+
+
+def _draw_angle(axes: Axes, diagnosis: Diagnosis, p: float) -> None:
+    case = diagnosis.case
+    s = case.matrix[0] * case.weight
+    product = (case.innovations.white * case.weight) * s
+    f, density = dsp.periodogram(product - product.mean(), case.recorded.rate_hz)
+    top = f < 2.5 * case.innovations.linear.modes[0].frequency_hz
+    axes.plot(f[top], density[top] / np.median(density[top]), color=RECORDED, lw=0.5)
+    if case.innovations.linear.spindle is not None:
+        turn = case.innovations.linear.spindle.speed_rpm / 60.0
+        for order in range(1, min(9, int(f[top][-1] / turn) + 1)):
+            axes.axvline(order * turn, color=AUGMENTED, ls=":", lw=0.6)
+    axes.set(xlabel="Hz", ylabel="swing of the stiffness / median", title=f"angle, p = {p:.2g}", yscale="log")
+    axes.set_ylim(bottom=0.1)
+
+
+def _comparison(diagnosis: Diagnosis, runs: dict[str, Vector]) -> str:
+    """Spectrum, amplitudes, and a stretch of each."""
+    figure = _figure(14.0, 4.2)
+    left, middle, right = figure.subplots(1, 3)
+    rate = diagnosis.case.whole.rate_hz
+    top = 0.5 * diagnosis.case.recorded.rate_hz
+    for (name, run), color in zip(runs.items(), (RECORDED, BASE, AUGMENTED), strict=False):
+        f, density = dsp.welch(run, rate, nperseg=4096)
+        left.plot(f[f < top], 10.0 * np.log10(density[f < top]), color=color, lw=0.9, label=name)
+        amplitude = np.abs(dsp.hilbert(run[: 1 << int(np.log2(run.size))])) / np.std(run)
+        middle.hist(amplitude, 80, (0, 4.5), density=True, histtype="step", color=color, label=name)
+        first = run.size // 2
+        part = run[first : first + int(12 * rate / diagnosis.case.system.modes[0].frequency_hz)]
+        right.plot(1e3 * np.arange(part.size) / rate, part, color=color, lw=0.9, label=name)
+    left.set(xlabel="Hz", ylabel="dB", title="spectrum")
+    middle.set(xlabel="amplitude / rms", title="amplitudes", yscale="log", ylim=(1e-4, None))
+    right.set(xlabel="ms", title="a stretch (the simulations have other noise)")
+    left.legend(fontsize="small")
+    return _encoded(figure)
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def _encoded(figure: Figure) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=80, format="png")
+    return base64.b64encode(buffer.getvalue()).decode()

@@ -1,0 +1,277 @@
+"""Prediction errors of a machine, and how a force that the model lacks would show in them.
+
+An `Observer` predicts the next sample of a recording from those before it: the steady Kalman filter of the linear
+machine, which knows forces of the catalogue besides. Between two samples forces change linearly, and that linear part
+is discretised exactly. If the machine has one more force phi per unit mass, the error d of the predicted state obeys
+
+    s(k)   = H d(k) + D phi(k)
+    d(k+1) = Phi [d(k) - K s(k)] + Gamma_0 phi(k) + Gamma_1 phi(k+1)
+
+and s, the *signature* of the force, is what it adds to the prediction errors. phi(k+1) is taken at the state predicted
+from the samples up to k: a state that has seen sample k+1 would leak what is to be predicted.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels.forces import call_force
+
+SUBSTEPS = 4  # of a force and of a term's memory between two samples
+
+
+class Observer(NamedTuple):
+    """A steady Kalman filter with n states; forces are per unit mass, positive ones push back."""
+
+    transition: np.ndarray  # (n, n) Phi
+    begin: np.ndarray  # (n,) Gamma_0: answer to the force at the beginning of a step
+    end: np.ndarray  # (n,) Gamma_1: and at its end
+    gain: np.ndarray  # (n,) K
+    output: np.ndarray  # (n,) H
+    feed: float  # D: answer of the sensor to a force at the same instant
+    tool: np.ndarray  # (2, n) displacement and velocity of the tool
+    spread: np.ndarray  # (2, 2) square root of the covariance that a seen sample leaves to them
+    step_s: float
+    omega: float  # angular frequency of the first mode
+    delay: float  # from one tooth to the next, in samples; 0 for none
+    turn: float  # spindle angle per sample, rad
+
+
+class Forces(NamedTuple):
+    """Forces that the observer knows: addresses, of the rates of their memory (0 for none), and parameters."""
+
+    forces: np.ndarray  # (t,)
+    rates: np.ndarray  # (t,)
+    columns: np.ndarray  # (t,) first parameter of each
+    parameters: np.ndarray  # (p,)
+
+
+class Motion(NamedTuple):
+    """Motion of the tool as the observer sees it, with sample k known (row 0) and as predicted for k + 1 (row 1)."""
+
+    x: np.ndarray  # (2, n)
+    v: np.ndarray  # (2, n)
+    lagged: np.ndarray  # (2, n)
+
+
+@njit(cache=True, nogil=True)
+def delayed(x, now, delay):
+    """Displacement `delay` samples before index `now`, between samples by linear interpolation; 0 before the start."""
+    back = int(np.floor(delay))
+    share = delay - back
+    i = now - back
+    if i < 1 or delay < 1.0:
+        return 0.0
+    return (1.0 - share) * x[i] + share * x[i - 1]
+
+
+@njit(cache=True, nogil=True)
+def over_step(address, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0, z1, parameters, spread, step_s):
+    """Force over one step as a straight line, its values at both ends; and its mean around the end.
+
+    Between the samples the tool moves along a cubic; the line has the mean and the first moment of the force on
+    it, so that a jump within the step (friction, contact) counts when it happens. A sensor that feels the force has a
+    low-pass in front of it: it sees the mean from half a step before the sample to half a step after. What is not known
+    of the tool's state is averaged over by cubature points.
+    """
+    mean = 0.0
+    slope = 0.0
+    around = 0.0
+    for i in range(SUBSTEPS):
+        s = (i + 0.5) / SUBSTEPS
+        r = 1.0 - s
+        x = r * r * (1.0 + 2.0 * s) * x0 + s * s * (1.0 + 2.0 * r) * x1 + step_s * s * r * (r * v0 - s * v1)
+        v = 6.0 * s * r * (x1 - x0) / step_s + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
+        lagged = r * lagged0 + s * lagged1
+        z = r * z0 + s * z1
+        dx, dv = 1.4142135623730951 * spread[0, i % 2], 1.4142135623730951 * spread[1, i % 2]
+        turned = angle + s * turn
+        force = 0.5 * call_force(address, x + dx, v + dv, lagged, turned, omega, z, parameters)
+        force += 0.5 * call_force(address, x - dx, v - dv, lagged, turned, omega, z, parameters)
+        mean += force
+        slope += force * (s - 0.5)
+        if s > 0.5:
+            around += force
+    for i in range(SUBSTEPS // 2):
+        s = (i + 0.5) / SUBSTEPS * step_s
+        x, v = x1 + s * v1, v1 - s * omega * omega * x1
+        dx, dv = 1.4142135623730951 * spread[0, i % 2], 1.4142135623730951 * spread[1, i % 2]
+        turned = angle + turn + turn * s / step_s
+        around += 0.5 * call_force(address, x + dx, v + dv, lagged1, turned, omega, z1, parameters)
+        around += 0.5 * call_force(address, x - dx, v - dv, lagged1, turned, omega, z1, parameters)
+    mean /= SUBSTEPS
+    around /= SUBSTEPS
+    slope *= 12.0 * SUBSTEPS / (SUBSTEPS * SUBSTEPS - 1.0)
+    return mean - 0.5 * slope, mean + 0.5 * slope, around
+
+
+@njit(cache=True, nogil=True)
+def remembered(rate_address, x0, v0, x1, v1, lagged, angle, omega, z, parameters, step_s):
+    """Memory of a term at the end of a step over which the tool moves from (x0, v0) to (x1, v1).
+
+    Linearly implicit midpoint steps, which a joint that yields within a fraction of the step cannot upset.
+    """
+    h = step_s / SUBSTEPS
+    for i in range(SUBSTEPS):
+        share = (i + 0.5) / SUBSTEPS
+        x, v = x0 + share * (x1 - x0), v0 + share * (v1 - v0)
+        probe = 1e-6 * (abs(z) + abs(v) * h) + 1e-300
+        rate = call_force(rate_address, x, v, lagged, angle, omega, z, parameters)
+        slope = (call_force(rate_address, x, v, lagged, angle, omega, z + probe, parameters) - rate) / probe
+        z += h * rate / (1.0 - 0.5 * h * min(slope, 0.0))
+    return z
+
+
+@njit(cache=True, nogil=True)
+def observe(observer, known, y, missing, errors, motion):
+    """Predict every sample from those before it.
+
+    Parameters
+    ----------
+    observer : Observer
+    known : Forces
+        Forces of the model.
+    y : ndarray of float64, shape (n,)
+        The recording.
+    missing : ndarray of bool, shape (n,)
+        Samples that are not to be used; their errors are 0.
+    errors : ndarray of float64, shape (n,)
+        Filled with the prediction errors (innovations).
+    motion : Motion
+        Filled.
+    """
+    order = observer.gain.size
+    state = np.zeros(order)
+    ahead = np.zeros(order)
+    count = known.forces.size
+    memory = np.zeros(count)
+    felt = 0.0  # force predicted around this sample
+    late = 0.0
+    for k in range(y.size):
+        predicted = observer.feed * felt
+        for i in range(order):
+            predicted += observer.output[i] * state[i]
+        e = 0.0 if missing[k] else y[k] - predicted
+        errors[k] = e
+        x = v = 0.0
+        for i in range(order):
+            state[i] += observer.gain[i] * e
+            x += observer.tool[0, i] * state[i]
+            v += observer.tool[1, i] * state[i]
+        motion.x[0, k] = x
+        motion.v[0, k] = v
+        lagged = delayed(motion.x[0], k, observer.delay)
+        motion.lagged[0, k] = lagged
+        for i in range(order):
+            total = 0.0
+            for j in range(order):
+                total += observer.transition[i, j] * state[j]
+            ahead[i] = total
+        # The force on the way to the next sample, from where the tool would go with the force as it was.
+        lagged_next = delayed(motion.x[0], k + 1, observer.delay)
+        early = late
+        around = 0.0
+        for attempt in range(2 if count else 0):
+            xp = vp = 0.0
+            for i in range(order):
+                reached = ahead[i] + observer.begin[i] * early + observer.end[i] * late
+                xp += observer.tool[0, i] * reached
+                vp += observer.tool[1, i] * reached
+            early = 0.0
+            late = 0.0
+            around = 0.0
+            for j in range(count):
+                p = known.parameters.ctypes.data + 8 * known.columns[j]
+                z = memory[j]
+                angle, turn, step = observer.turn * k, observer.turn, observer.step_s
+                if known.rates[j] != 0:
+                    z = remembered(known.rates[j], x, v, xp, vp, lagged_next, angle, observer.omega, z, p, step)
+                begin, end, here = over_step(
+                    known.forces[j], x, v, xp, vp, lagged, lagged_next, angle, turn, observer.omega, memory[j], z, p,
+                    observer.spread, step,
+                )  # fmt: skip
+                early += begin
+                late += end
+                around += here
+                if attempt == 1:
+                    memory[j] = z
+        felt = around
+        x = v = 0.0
+        for i in range(order):
+            state[i] = ahead[i] + observer.begin[i] * early + observer.end[i] * late
+            x += observer.tool[0, i] * state[i]
+            v += observer.tool[1, i] * state[i]
+        motion.x[1, k] = x
+        motion.v[1, k] = v
+        motion.lagged[1, k] = lagged_next
+
+
+@njit(cache=True, nogil=True)
+def force_along(observer, motion, address, rate_address, parameters, force):
+    """Evaluate one term along the motion.
+
+    Parameters
+    ----------
+    observer : Observer
+    motion : Motion
+    address, rate_address : int
+        Of the compiled term and of the rate of its memory (0 for none).
+    parameters : ndarray of float64, shape (p,)
+    force : ndarray of float64, shape (3, n)
+        Filled with the force over the step from sample k as a straight line, at its beginning and its end, and with its
+        mean around sample k + 1.
+    """
+    p = parameters.ctypes.data
+    z = 0.0
+    omega, step = observer.omega, observer.step_s
+    turn, spread = observer.turn, observer.spread
+    for k in range(force.shape[1]):
+        angle = turn * k
+        x, v, lagged = motion.x[0, k], motion.v[0, k], motion.lagged[0, k]
+        xp, vp, lp = motion.x[1, k], motion.v[1, k], motion.lagged[1, k]
+        ahead = z
+        if rate_address != 0:
+            ahead = remembered(rate_address, x, v, xp, vp, lp, angle, omega, z, p, step)
+        force[0, k], force[1, k], force[2, k] = over_step(
+            address, x, v, xp, vp, lagged, lp, angle, turn, omega, z, ahead, p, spread, step
+        )
+        if rate_address != 0 and k + 1 < force.shape[1]:
+            xn, vn, ln = motion.x[0, k + 1], motion.v[0, k + 1], motion.lagged[0, k + 1]
+            z = remembered(rate_address, x, v, xn, vn, ln, angle, omega, z, p, step)
+
+
+@njit(cache=True, nogil=True)
+def signature(observer, force, missing, out):
+    """Signature of a force.
+
+    Parameters
+    ----------
+    observer : Observer
+    force : ndarray of float64, shape (3, n)
+        As `force_along` fills it.
+    missing : ndarray of bool, shape (n,)
+    out : ndarray of float64, shape (n,)
+        Filled with what the force adds to the prediction errors.
+    """
+    order = observer.gain.size
+    d = np.zeros(order)
+    ahead = np.zeros(order)
+    felt = 0.0
+    for k in range(out.size):
+        s = observer.feed * felt
+        for i in range(order):
+            s += observer.output[i] * d[i]
+        if missing[k]:
+            s = 0.0
+        out[k] = s
+        for i in range(order):
+            d[i] -= observer.gain[i] * s
+        for i in range(order):
+            total = observer.begin[i] * force[0, k] + observer.end[i] * force[1, k]
+            for j in range(order):
+                total += observer.transition[i, j] * d[j]
+            ahead[i] = total
+        felt = force[2, k]
+        for i in range(order):
+            d[i] = ahead[i]

@@ -1,0 +1,107 @@
+"""Diagnosing a recording against a model: files in, files out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from chatter_monitor.acquisition.recording import Recording
+from chatter_monitor.discrepancy import conclude, examine, recorded_from
+from chatter_monitor.discrepancy.band import Recorded
+from chatter_monitor.discrepancy.report import Report
+from chatter_monitor.discrepancy.show import page
+from chatter_monitor.errors import EnvironmentFault, InputError
+from chatter_monitor.physics.model_file import model_text, read_model
+from chatter_monitor.records import Flag
+
+
+def diagnose_file(
+    file: Path,
+    model: Path,
+    out: Path,
+    *,
+    channel: int = 0,
+    between_s: tuple[float, float] | None = None,
+    progress: Callable[[str], None] = lambda _step: None,
+) -> tuple[Report, list[Path]]:
+    """Diagnose one channel of a recording; write report.json, report.html and model.toml.
+
+    Parameters
+    ----------
+    file, model, out : Path
+        Recording, model file, directory to write into.
+    channel : int
+        Counted from 0.
+    between_s : (float, float), optional
+        Stretch to look at.
+    progress : callable, optional
+        Told the name of every step.
+
+    Returns
+    -------
+    Report, list of Path
+        The answer, and the files written.
+
+    Raises
+    ------
+    InputError
+        If recording or model cannot be used.
+    EnvironmentFault
+        If the directory cannot be written.
+    """
+    started = time.perf_counter()
+    system = read_model(model)
+    progress("reading the recording")
+    recorded = _read(file, channel, between_s)
+    diagnosis = conclude(examine(recorded, system, progress))
+    progress("report")
+    html, report = page(diagnosis, file.name)
+    report = msgspec.structs.replace(report, elapsed_s=round(time.perf_counter() - started, 3))
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        written = [out / "report.json", out / "report.html", out / "model.toml"]
+        written[0].write_bytes(report.to_json())
+        written[1].write_text(html, encoding="utf-8")
+        written[2].write_text(model_text(diagnosis.model), encoding="utf-8")
+    except OSError as error:
+        raise EnvironmentFault(f"the diagnosis cannot be written: {error.strerror}", got=str(out)) from error
+    return report, written
+
+
+def lines(report: Report) -> list[str]:
+    """The answer in a few lines for a terminal."""
+    said = [f"{report.verdict}: {report.summary}"]
+    for term in report.terms:
+        sense = f" ({term.sense})" if term.sense else ""
+        values = ", ".join(
+            f"{name} = {e.value:.4g} [{e.ci95[0]:.4g}, {e.ci95[1]:.4g}] {e.unit}" for name, e in term.parameters.items()
+        )
+        said.append(f"  {term.name}{sense}: {values or 'no parameters'}; evidence {term.evidence_nats:.1f} nats")
+    if report.terms and report.alternatives:
+        runner = report.alternatives[0]
+        said.append(f"  next: {runner.name} with {runner.evidence_nats:.1f} nats")
+    if report.located.statistic is not None:
+        statistic = report.located.statistic
+        said.append(f"  clearest map: {statistic.name}, p = {statistic.p_value:.2g}")
+    said += [f"  note: {warning}" for warning in report.warnings]
+    return said
+
+
+def _read(file: Path, channel: int, between_s: tuple[float, float] | None) -> Recorded:
+    pieces, missing = [], []
+    with Recording(file, channels=[channel]) as recording:
+        rate_hz = recording.sample_rate_hz
+        for block in recording.blocks():
+            pieces.append(block.samples[:, 0])
+            lost = bool(block.flags) and bool(block.flags[0] & Flag.NON_FINITE)
+            missing.append(np.full(len(block.samples), lost))
+    samples, absent = np.concatenate(pieces), np.concatenate(missing)
+    begin_s, end_s = between_s or (0.0, samples.size / rate_hz)
+    part = slice(max(round(begin_s * rate_hz), 0), round(end_s * rate_hz))
+    if not begin_s < end_s or samples[part].size == 0:
+        raise InputError("impossible stretch", got=between_s, allowed="0 <= begin < end, within the recording")
+    return recorded_from(samples[part], rate_hz, absent[part])

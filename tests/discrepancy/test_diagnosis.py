@@ -1,0 +1,122 @@
+"""The discrepancy engine on recordings of an independent simulator. Development seeds are below 100, these above."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from chatter_monitor.discrepancy import Diagnosis, conclude, examine, recorded_from
+from chatter_monitor.physics.model import MachiningSystem
+from chatter_monitor.physics.parts import Mode, Sensor, Spindle
+from tests.discrepancy.machine import Machine, coefficient, record
+
+
+def diagnosed(machine: Machine, seed: int, model: MachiningSystem | None = None, extra=0.0) -> Diagnosis:
+    if model is None:
+        modes = (Mode(machine.frequency_hz, machine.damping_ratio),)
+        model = MachiningSystem(
+            modes, sensor=Sensor(quantity=machine.quantity), spindle=Spindle(60.0 / machine.delay_s)
+        )
+    return conclude(examine(recorded_from(record(machine, seed) + extra, machine.rate_hz), model))
+
+
+SHORT = {"frequency_hz": 220.0, "seconds": 10.0}
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration", "pressure"])
+def test_nothing_is_found_where_nothing_is_missing(quantity):
+    """A linear machine in noise is explained by its own model."""
+    report = diagnosed(Machine(quantity=quantity, **SHORT), 101).report
+    assert report.verdict == "none", report.summary
+    assert report.terms == []
+
+
+def test_a_wrong_parameter_is_no_missing_physics():
+    """A model with the wrong frequency and damping is corrected, and nothing is added."""
+    machine = Machine(**SHORT)
+    model = MachiningSystem((Mode(220.0 * 1.03, 0.03),))
+    report = diagnosed(machine, 102, model).report
+    assert report.verdict == "parameters", report.summary
+    after = report.calibration.after
+    assert after["mode.1.frequency_hz"].value == pytest.approx(220.0, rel=0.005)
+    low, high = after["mode.1.damping_ratio"].ci95
+    assert low < 0.02 < high
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "sense"),
+    [
+        ("hardening", "cubic_stiffness", "hardening"),
+        ("softening", "cubic_stiffness", "softening"),
+        ("quadratic", "quadratic_stiffness", "stiffer outwards"),
+        ("clearance", "clearance", None),
+        ("coulomb", "coulomb_friction", None),
+        ("hysteresis", "hysteresis", None),
+        ("v|v|", "quadratic_damping", None),
+        ("x2v", "energy_damping", "grows with amplitude"),
+        ("delay", "regenerative_delay", None),
+    ],
+)
+def test_effects_are_named(effect, name, sense):
+    """One effect at a time, 6 % of the restoring force (stable regeneration: 2 %), is named, with its sense."""
+    strength = 0.02 if effect == "delay" else 0.06
+    report = diagnosed(Machine(effect, strength, **SHORT), 103).report
+    assert report.verdict == "missing_physics", report.summary
+    assert [(term.name, term.sense) for term in report.terms] == [(name, sense)]
+
+
+def test_the_coefficient_is_that_of_the_machine():
+    """The augmented model carries the cubic coefficient and the mode of the simulated machine."""
+    machine = Machine("hardening", 0.06, **SHORT)
+    found = diagnosed(machine, 104)
+    estimate = found.report.terms[0].parameters["coefficient"]
+    assert estimate.ci95[0] < coefficient(machine) < estimate.ci95[1]
+    assert found.model.modes[0].frequency_hz == pytest.approx(220.0, rel=0.005)
+    assert found.model.terms[0].parameters["coefficient"] == estimate.value
+
+
+def test_what_no_term_explains_stays_unknown():
+    """A stiffness that swings periodically is in no catalogue: located, not named."""
+    report = diagnosed(Machine("mathieu", 0.06, **SHORT), 105).report
+    assert report.verdict == "unknown", report.summary
+    assert report.terms == []
+    swing = report.located.band_hz[0][0]
+    assert swing == pytest.approx(0.37 * 220.0, abs=0.2)
+
+
+def test_hum_is_the_sensors():
+    """A tone at the mains frequency is named as hum, and not as mechanics."""
+    machine = Machine(**SHORT)
+    t = np.arange(int(machine.seconds * machine.rate_hz)) / machine.rate_hz
+    report = diagnosed(machine, 106, extra=0.05 * np.sin(2.0 * np.pi * 50.0 * t)).report
+    assert [term.name for term in report.terms] == ["mains_hum"], report.summary
+
+
+def test_a_sensor_that_clips_is_named_and_nothing_else():
+    """With its peaks cut off a recording says nothing about the machine, and the report says so."""
+    machine = Machine(**SHORT)
+    samples = np.clip(record(machine, 107), -1.5, 1.5)
+    report = conclude(examine(recorded_from(samples, 12800.0), MachiningSystem((Mode(220.0, 0.02),)))).report
+    assert [term.name for term in report.terms] == ["clipping"]
+    assert report.terms[0].parameters["clip_level"].value == pytest.approx(1.5)
+
+
+def test_silence_in_the_middle_is_missing_and_no_finding():
+    """A second of digital silence is left out."""
+    machine = Machine(**SHORT)
+    samples = record(machine, 108)
+    samples[50_000:62_800] = 0.0
+    report = conclude(examine(recorded_from(samples, 12800.0), MachiningSystem((Mode(220.0, 0.02),)))).report
+    assert report.verdict in ("none", "parameters"), report.summary
+
+
+def test_the_gain_of_the_sensor_changes_nothing():
+    """A machine recorded at a ten-thousandth of the level gets the same answer in its own units."""
+    machine = Machine("hardening", 0.06, **SHORT)
+    samples = record(machine, 109)
+    answers = []
+    for gain in (1.0, 1e-4):
+        model = MachiningSystem((Mode(220.0, 0.02),), sensor=Sensor(gain=gain))
+        report = conclude(examine(recorded_from(gain * samples, 12800.0), model)).report
+        answers.append(report.terms[0].parameters["coefficient"].value)
+    assert answers[0] == pytest.approx(answers[1], rel=1e-3)
