@@ -65,8 +65,8 @@ def observer(linear: Linear, rate_hz: float) -> Observer:
     phi, begin, end = _hold(A, force, step_s)
     # White noise that is sampled folds its whole spectrum into the band, a recording does not: it has been filtered.
     # Displacement falls off fast enough for that not to matter. For the others the force is a random number per sample,
-    # which keeps the zeros of their response at 0 Hz: held for a velocity, joined by straight lines, and with a state of
-    # its own, for what feels the force itself.
+    # which keeps the zeros of their response at 0 Hz: held for a velocity; joined by straight lines, with a state of its
+    # own, for what feels the force itself.
     match linear.quantity:
         case "displacement":
             Q = _noise(A, force, step_s)
