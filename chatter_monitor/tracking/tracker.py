@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.kernels import conditioning, odp, poles, rarma, track
-from chatter_monitor.kernels.share import modal_shares
-from chatter_monitor.records import Flag, OdpFrame
+from chatter_monitor.kernels import conditioning, rarma
+from chatter_monitor.records import Flag, ModeStatus, OdpFrame
+from chatter_monitor.tracking.bands import Band, Columns, Slots, Vibration, homes, new_columns
 
 # One frame is one verdict interval: long enough for a stable median, short enough for an alarm in time.
 INTERVAL_S = 0.05
 
-# frequency, damping, their standard deviations (float32), status (uint8); shape (samples, modes) each
-Columns = tuple[NDArray[Any], ...]
 Order = Annotated[int, msgspec.Meta(ge=0)]
 
 
@@ -32,6 +31,8 @@ class TrackerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Time constant of the exponential forgetting. The effective window is twice as long.
     sample_rate_hz : float
         Rate at which the tracker runs; inputs are converted to it.
+    bands : int
+        Octaves that have a recursion of their own, from the top downwards; each answers for the middle of its band.
     high_pass_hz : float
         Corner below which the signal is offset and drift, not vibration. A first-order high-pass costs C one zero and
         frees a pair of poles that would otherwise be spent on the offset.
@@ -40,6 +41,7 @@ class TrackerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     orders: tuple[Order, Order] = (4, 3)
     memory_ms: Annotated[float, msgspec.Meta(gt=0)] = 80.0
     sample_rate_hz: Annotated[float, msgspec.Meta(gt=0)] = 12800.0
+    bands: Annotated[int, msgspec.Meta(ge=1, le=5)] = 4
     high_pass_hz: Annotated[float, msgspec.Meta(ge=0)] = 20.0
 
     def __post_init__(self) -> None:
@@ -56,8 +58,8 @@ class TrackerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def modes(self) -> int:
-        """Mode slots of each frame."""
-        return self.orders[0] // 2
+        """Mode slots of each frame: those of one recursion, twice as many where there are several."""
+        return self.orders[0] // 2 * (2 if self.bands > 1 else 1)
 
 
 class Tracker:
@@ -82,25 +84,17 @@ class Tracker:
         self._channel = channel
         rate = settings.sample_rate_hz
         self._interval = round(INTERVAL_S * rate)
-        self._halvers = []
-        while source_rate_hz is not None and rate > source_rate_hz:
-            self._halvers.append(conditioning.new_half_band())
-            rate /= 2
-        self._rate_hz = rate
-        p, q = settings.orders
-        self._recursion = rarma.new_state(p, q)
-        self._poles = poles.new_state(p)
-        self._tile = odp.new_tile(p)
-        self._forgetting = 1.0 - 1.0 / (settings.memory_ms * 1e-3 * rate)
+        first = 0 if source_rate_hz is None else max(0, math.ceil(math.log2(rate / source_rate_hz)))
+        octaves = range(first, first + settings.bands)
+        self._bands = [
+            Band(settings.orders, settings.memory_ms * 1e-3, rate, octave, self._interval, home_hz)
+            for octave, home_hz in zip(octaves, homes(rate, octaves), strict=True)
+        ]
+        self._halvers = [conditioning.new_half_band() for _ in range(octaves[-1])]
+        self._slots = Slots(self._bands, settings.modes)
         self._high_pass = np.zeros(2)
-        self._shares = np.zeros(settings.modes)
         self._next_sample = 0
-        self._columns = self._new_columns(self._interval)
         self._filled = 0
-        self._last = self._new_columns(1)  # before the first value: nothing known
-        for column in self._last[:4]:
-            column.fill(np.nan)
-        self._last[4].fill(track.STARTING)
         self._signal = np.empty(self._interval)
         self._lost = 0
         self._flags = Flag.NONE
@@ -151,57 +145,60 @@ class Tracker:
         rows = slice(self._filled, self._filled + len(samples))
         signal = self._signal[rows]
         conditioning.high_pass(np.ascontiguousarray(samples), corner, self._high_pass, signal)
-        if self._halvers:
-            for column, held in zip(self._columns, self._held(signal), strict=True):
-                column[rows] = held
-        else:
-            self._run(signal, tuple(column[rows] for column in self._columns))
+        for octave, halver in enumerate([*self._halvers, None]):
+            for band in self._bands:
+                if band.octave == octave:
+                    band.process(signal)
+            if halver is not None:
+                halved = np.empty(len(signal) // 2 + 1)
+                signal = halved[: conditioning.halve(signal, halver, halved)]
         self._filled += len(samples)
         self._next_sample += len(samples)
 
-    def _run(self, signal: NDArray[np.float64], out: Columns) -> None:
-        p, q = self._settings.orders
-        track.track(p, q, signal, self._recursion, self._poles, self._tile, self._forgetting, self._rate_hz, out)
-
-    def _held(self, signal: NDArray[np.float64]) -> Columns:
-        """ODPs of a decimated signal, each held until the next."""
-        samples = np.arange(self._next_sample, self._next_sample + len(signal))
-        for halver in self._halvers:
-            halved = np.empty(len(signal) // 2 + 1)
-            signal = halved[: conditioning.halve(signal, halver, halved)]
-        out = self._new_columns(len(signal))
-        self._run(signal, out)
-        known = tuple(np.concatenate(pair) for pair in zip(self._last, out, strict=True))
-        self._last = tuple(column[-1:] for column in known)
-        decimation = 2 ** len(self._halvers)  # the first of so many samples makes an output
-        made = samples // decimation + 1
-        made_before = (self._next_sample - 1) // decimation + 1
-        return tuple(column[made - made_before] for column in known)
-
     def _frame(self) -> OdpFrame:
-        frequency, damping, frequency_sd, damping_sd, status = (column[: self._filled] for column in self._columns)
-        p, q = self._settings.orders
-        if self._poles.known[0]:
-            modal_shares(p, q, self._recursion.theta, self._poles.factors, self._poles.roots, self._shares)
+        first_sample = self._next_sample - self._filled
+        columns = [band.frame(first_sample, self._filled) for band in self._bands]
+        rms = self._rms()
+        vibrations = self._slots.assign(columns)
+        (frequency, damping, frequency_sd, damping_sd, status), powers = self._in_slots(vibrations, columns)
+        total = max(rms * rms, powers.sum())
         frame = OdpFrame(
             channel=self._channel,
-            first_sample=self._next_sample - self._filled,
+            first_sample=first_sample,
             sample_rate_hz=self._settings.sample_rate_hz,
             frequency_hz=frequency,
             damping_ratio=damping,
             frequency_sd_hz=frequency_sd,
             damping_sd=damping_sd,
             status=status,
-            share=self._shares.copy(),
-            rms=self._rms(),
+            share=powers / total if total > 0.0 else powers,
+            signal=self._signal[: self._filled].copy(),
+            rms=rms,
             lost=self._lost,
             flags=self._flags,
         )
-        self._columns = self._new_columns(self._interval)
         self._filled = 0
         self._lost = 0
         self._flags = Flag.NONE
         return frame
+
+    def _in_slots(
+        self, vibrations: list[Vibration | None], columns: list[Columns]
+    ) -> tuple[Columns, NDArray[np.float64]]:
+        """Columns by slot instead of by band and mode, and the power in each slot."""
+        slotted = new_columns(self._filled, len(vibrations))
+        powers = np.zeros(len(vibrations))
+        for slot, vibration in enumerate(vibrations):
+            if vibration is None:  # as a pair of real poles: no frequency; held or starting as its neighbours
+                for column in slotted[:4]:
+                    column[:, slot] = np.nan
+                status = columns[0][4][:, 0]
+                slotted[4][:, slot] = np.where(status == ModeStatus.OSCILLATORY, ModeStatus.REAL_PAIR, status)
+            else:
+                powers[slot] = vibration.power
+                for into, column in zip(slotted, columns[vibration.band], strict=True):
+                    into[:, slot] = column[:, vibration.mode]
+        return slotted, powers
 
     def _rms(self) -> float:
         """Root mean square of what was measured in the frame; summed at once, or the cuts between blocks would show."""
@@ -210,8 +207,3 @@ class Tracker:
         if not usable.all():
             signal = signal[usable]
         return float(np.sqrt(np.mean(signal * signal))) if len(signal) else 0.0
-
-    def _new_columns(self, n: int) -> Columns:
-        """Room for frequency, damping, their standard deviations, and status of n samples."""
-        shape = (n, self._settings.modes)
-        return (*(np.empty(shape, np.float32) for _ in range(4)), np.empty(shape, np.uint8))
