@@ -1,0 +1,124 @@
+"""Short-time spectrum of one channel over the last second, and the lines that stand out in it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from chatter_monitor.kernels import lines
+
+# 25 ms tell lines 40 Hz apart and follow an amplitude that grows e-fold within that time.
+WINDOW_S = 0.025
+# Transforms of a frame: half a window apart.
+HOPS = 4
+# How far back the amplitude of a line is looked at.
+HISTORY_S = 1.0
+# Lines looked at in a frame.
+LINES = 3
+# What is below is offset and drift.
+LOWEST_HZ = 50.0
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line of the short-time spectrum and how it has behaved.
+
+    Attributes
+    ----------
+    frequency_hz : float
+        Where it is, interpolated between the bins.
+    share : float
+        Of the power, over the last 50 ms.
+    prominence_db : float
+        Over the level around it.
+    variation : float
+        Coefficient of variation of its amplitude over half a second: 0.52 for a mode that noise drives for long.
+    growth_per_s, growth_sd_per_s : float
+        Rate at which its amplitude grows, over the last 150 ms, with standard deviation.
+    rise : float
+        Logarithm of its present amplitude over the median of the last second.
+    coherence : tuple of float
+        Correlation of its complex amplitude after 25, 50, 100 and 200 ms: exp(-zeta omega t) for a mode.
+    """
+
+    frequency_hz: float
+    share: float
+    prominence_db: float
+    variation: float
+    growth_per_s: float
+    growth_sd_per_s: float
+    rise: float
+    coherence: tuple[float, ...]
+
+
+class Spectrum:
+    """Ring of the latest transforms of a signal that comes in frames.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+        Of the signal.
+    interval : int
+        Samples of a whole frame.
+    """
+
+    def __init__(self, sample_rate_hz: float, interval: int) -> None:
+        self._hop = interval // HOPS
+        self._hop_s = self._hop / sample_rate_hz
+        self._window = np.hanning(round(WINDOW_S * sample_rate_hz) + 1)[:-1]
+        self._points = 1 << int(np.ceil(np.log2(1.5 * len(self._window))))
+        self._bin_hz = sample_rate_hz / self._points
+        bins = self._points // 2 + 1
+        rows = round(HISTORY_S / self._hop_s)
+        self._spectra = np.zeros((rows, bins), complex)
+        self._valid = np.zeros(rows, bool)
+        self._head = 0
+        # refers the phase of every transform to the same time; repeats when hops make up whole transforms
+        cycle = self._points // math.gcd(self._points, self._hop)
+        starts = np.arange(cycle)[:, np.newaxis] * self._hop
+        self._turns = np.exp(-2j * np.pi * (starts * np.arange(bins) % self._points) / self._points)
+        self._before = np.full(len(self._window), np.nan)
+        self._power = np.zeros(bins)
+        self._peaks = np.zeros(LINES, np.int64)
+        self._scratch = np.zeros(max(rows, 2 * lines.AROUND))
+        self._measures = np.zeros(lines.MEASURES)
+
+    def take(self, signal: NDArray[np.float64]) -> list[Line]:
+        """Take the samples of the next frame (NaN where they are missing); returns its lines, strongest first."""
+        known = np.concatenate([self._before, signal])
+        self._before = known[len(known) - len(self._window) :]
+        hops = len(signal) // self._hop
+        first = len(signal) - hops * self._hop + self._hop
+        pieces = sliding_window_view(known, len(self._window))[first :: self._hop]
+        rows = np.arange(self._head, self._head + hops) % len(self._spectra)
+        turns = np.arange(self._head, self._head + hops) % len(self._turns)
+        self._valid[rows] = np.isfinite(pieces).all(axis=1)
+        self._spectra[rows] = np.fft.rfft(pieces * self._window, self._points) * self._turns[turns]
+        self._head += hops
+        if not lines.recent_power(self._spectra, self._valid, self._head, HOPS, self._power):
+            return []
+        lowest = round(LOWEST_HZ / self._bin_hz)
+        count = lines.strongest(self._power, lowest, self._peaks)
+        return [self._line(int(peak), lowest) for peak in self._peaks[:count]]
+
+    def _line(self, peak: int, lowest: int) -> Line:
+        ring = (self._spectra, self._valid, self._head)
+        lines.describe(*ring, self._power, lowest, peak, self._scratch, self._measures)
+        share, prominence, variation, growth, growth_sd, rise, *coherence = self._measures.tolist()
+        before, here, after = np.log(np.maximum(self._power[peak - 1 : peak + 2], 1e-300)).tolist()
+        bend = before - 2.0 * here + after
+        offset = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+        return Line(
+            frequency_hz=(peak + offset) * self._bin_hz,
+            share=share,
+            prominence_db=prominence,
+            variation=variation,
+            growth_per_s=growth / self._hop_s,
+            growth_sd_per_s=growth_sd / self._hop_s,
+            rise=rise,
+            coherence=tuple(coherence),
+        )
