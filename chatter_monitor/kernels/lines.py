@@ -19,16 +19,18 @@ LOBE = 3
 AROUND = 12
 # Hops between the amplitudes whose correlation is looked at: from no common samples to a fifth of a second.
 LAGS = (2, 4, 8, 16)
+# Added to powers before their logarithm is taken.
+TINY = 1e-300
 # Hops over which growth is fitted.
 GROWTH_HOPS = 12
 
 # Indices into what `describe` writes
 SHARE = 0
-PROMINENCE_DB = 1
-VARIATION = 2
-GROWTH = 3
-GROWTH_SD = 4
-RISE = 5
+VARIATION = 1
+GROWTH = 2
+GROWTH_SD = 3
+RISE = 4
+LEVEL_RISE = 5
 COHERENCE = 6  # and one for each further lag
 MEASURES = COHERENCE + len(LAGS)
 
@@ -53,15 +55,45 @@ def recent_power(spectra, valid, head, hops, power):
 
 
 @njit(**OPTIONS)
-def strongest(power, lowest, peaks):
-    """Bins of the strongest local maxima at least a lobe apart, strongest first; returns how many were found."""
+def log_modulus(spectrum, lowest):
+    """Mean over the bins of the logarithm of the modulus: the level of what is not lines."""
+    total = 0.0
+    for b in range(lowest, spectrum.shape[0]):
+        total += 0.5 * math.log(spectrum[b].real ** 2 + spectrum[b].imag ** 2 + TINY)
+    return total / (spectrum.shape[0] - lowest)
+
+
+@njit(**OPTIONS)
+def stand_out(power, lowest, sums, prominence):
+    """How far each bin stands out (natural logarithm of the power) of the mean around it, its own lobe left out.
+
+    ``sums`` is work space of one more than the bins. Means of logarithms do not mind a neighbouring line.
+    """
+    bins = power.shape[0]
+    sums[0] = 0.0
+    for b in range(bins):
+        sums[b + 1] = sums[b] + math.log(power[b] + TINY)
+    prominence[:] = 0.0
+    for b in range(lowest, bins):
+        left = max(lowest, b - LOBE - AROUND)
+        right = min(bins, b + LOBE + AROUND + 1)
+        inner_left = max(left, b - LOBE)
+        inner_right = min(right, b + LOBE + 1)
+        around = sums[right] - sums[inner_right] + sums[inner_left] - sums[left]
+        count = right - inner_right + inner_left - left
+        prominence[b] = sums[b + 1] - sums[b] - around / count
+
+
+@njit(**OPTIONS)
+def most_prominent(prominence, lowest, peaks):
+    """Bins of the most prominent local maxima at least a lobe apart, in order; returns how many were found."""
     count = 0
     for _ in range(peaks.shape[0]):
         best = -1
-        for b in range(max(lowest, 1), power.shape[0] - 1):
-            if not (power[b] >= power[b - 1] and power[b] > power[b + 1]):
+        for b in range(max(lowest, 1), prominence.shape[0] - 1):
+            if not (prominence[b] >= prominence[b - 1] and prominence[b] > prominence[b + 1]):
                 continue
-            if best >= 0 and power[b] <= power[best]:
+            if best >= 0 and prominence[b] <= prominence[best]:
                 continue
             apart = True
             for i in range(count):
@@ -98,24 +130,15 @@ def median(values):
 
 
 @njit(**OPTIONS)
-def level_around(power, b, scratch):
-    """Median power of the bins next to a line's lobe."""
-    count = 0
-    for i in range(b - LOBE - AROUND, b + LOBE + AROUND + 1):
-        if abs(i - b) > LOBE and 1 <= i < power.shape[0]:
-            scratch[count] = power[i]
-            count += 1
-    return median(scratch[:count]) if count > 0 else 0.0
-
-
-@njit(**OPTIONS)
-def describe(spectra, valid, head, power, lowest, b, scratch, out):
+def describe(spectra, levels, valid, head, power, lowest, b, scratch, out):
     """Measures of the line at bin ``b``, at the indices above.
 
     Parameters
     ----------
     spectra : ndarray of complex128, shape (hops, bins)
         Ring of transforms, phases referred to a common time.
+    levels : ndarray, shape (hops,)
+        Of each transform (`log_modulus`).
     valid : ndarray of bool, shape (hops,)
         Which of them hold samples.
     head : int
@@ -126,12 +149,12 @@ def describe(spectra, valid, head, power, lowest, b, scratch, out):
         First bin that counts as vibration.
     b : int
         The line.
-    scratch : ndarray, shape (max(hops, 2 AROUND),)
+    scratch : ndarray, shape (hops,)
         Work space.
     out : ndarray, shape (MEASURES,)
-        Share of the power; level over its surroundings (dB); coefficient of variation of the modulus over half of the
-        ring; growth of its logarithm (1/s, in hops: the caller knows the hop) with standard deviation; logarithm of
-        its present over its median modulus; correlation at each of `LAGS`.
+        Share of the power; coefficient of variation of the modulus over half of the
+        ring; growth of its logarithm in a hop with standard deviation; logarithm of its present over its median
+        modulus, and the same of the level; correlation at each of `LAGS`.
     """
     size = spectra.shape[0]
     total = 0.0
@@ -142,8 +165,6 @@ def describe(spectra, valid, head, power, lowest, b, scratch, out):
         return
     own = line_power(power, b)
     out[SHARE] = min(own / total, 1.0)
-    around = level_around(power, b, scratch)
-    out[PROMINENCE_DB] = 10.0 * math.log10(power[b] / around) if around > 0.0 else 200.0
 
     modulus = scratch  # oldest first
     count = 0
@@ -162,6 +183,14 @@ def describe(spectra, valid, head, power, lowest, b, scratch, out):
     usual = median(modulus[:count])
     if usual > 0.0 and newest > 0.0:
         out[RISE] = math.log(newest / usual)
+    count = 0
+    for back in range(size, 0, -1):
+        row = (head - back) % size
+        if valid[row]:
+            scratch[count] = levels[row]
+            count += 1
+    newest, _ = _moments(scratch[count - 4 : count])
+    out[LEVEL_RISE] = newest - median(scratch[:count])
     for i in range(len(LAGS)):
         out[COHERENCE + i] = _coherence(spectra, valid, head, b, LAGS[i])
 
@@ -186,16 +215,16 @@ def _growth(modulus, out):
     middle = 0.5 * (n - 1)
     mean = 0.0
     for i in range(n):
-        mean += math.log(modulus[i] + 1e-300) / n
+        mean += math.log(modulus[i] + TINY) / n
     slope = 0.0
     spread = 0.0
     for i in range(n):
-        slope += (i - middle) * (math.log(modulus[i] + 1e-300) - mean)
+        slope += (i - middle) * (math.log(modulus[i] + TINY) - mean)
         spread += (i - middle) ** 2
     slope /= spread
     scatter = 0.0
     for i in range(n):
-        scatter += (math.log(modulus[i] + 1e-300) - mean - slope * (i - middle)) ** 2
+        scatter += (math.log(modulus[i] + TINY) - mean - slope * (i - middle)) ** 2
     out[GROWTH] = slope
     out[GROWTH_SD] = math.sqrt(scatter / (n - 2) / spread)
 

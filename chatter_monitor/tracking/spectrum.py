@@ -41,6 +41,8 @@ class Line:
         Rate at which its amplitude grows, over the last 150 ms, with standard deviation.
     rise : float
         Logarithm of its present amplitude over the median of the last second.
+    level_rise : float
+        The same of the level of what is not lines: a cut that begins or grows louder lifts everything.
     coherence : tuple of float
         Correlation of its complex amplitude after 25, 50, 100 and 200 ms: exp(-zeta omega t) for a mode.
     """
@@ -52,6 +54,7 @@ class Line:
     growth_per_s: float
     growth_sd_per_s: float
     rise: float
+    level_rise: float
     coherence: tuple[float, ...]
 
 
@@ -84,11 +87,15 @@ class Spectrum:
         self._before = np.full(len(self._window), np.nan)
         self._power = np.zeros(bins)
         self._peaks = np.zeros(LINES, np.int64)
-        self._scratch = np.zeros(max(rows, 2 * lines.AROUND))
+        self._lowest = round(LOWEST_HZ / self._bin_hz)
+        self._levels = np.zeros(rows)
+        self._sums = np.zeros(bins + 1)
+        self._prominence = np.zeros(bins)
+        self._scratch = np.zeros(rows)
         self._measures = np.zeros(lines.MEASURES)
 
     def take(self, signal: NDArray[np.float64]) -> list[Line]:
-        """Take the samples of the next frame (NaN where they are missing); returns its lines, strongest first."""
+        """Take the samples of the next frame (NaN where they are missing); returns its lines, most prominent first."""
         known = np.concatenate([self._before, signal])
         self._before = known[len(known) - len(self._window) :]
         hops = len(signal) // self._hop
@@ -98,27 +105,30 @@ class Spectrum:
         turns = np.arange(self._head, self._head + hops) % len(self._turns)
         self._valid[rows] = np.isfinite(pieces).all(axis=1)
         self._spectra[rows] = np.fft.rfft(pieces * self._window, self._points) * self._turns[turns]
+        for row in rows:
+            self._levels[row] = lines.log_modulus(self._spectra[row], self._lowest)
         self._head += hops
         if not lines.recent_power(self._spectra, self._valid, self._head, HOPS, self._power):
             return []
-        lowest = round(LOWEST_HZ / self._bin_hz)
-        count = lines.strongest(self._power, lowest, self._peaks)
-        return [self._line(int(peak), lowest) for peak in self._peaks[:count]]
+        lines.stand_out(self._power, self._lowest, self._sums, self._prominence)
+        count = lines.most_prominent(self._prominence, self._lowest, self._peaks)
+        return [self._line(int(peak)) for peak in self._peaks[:count]]
 
-    def _line(self, peak: int, lowest: int) -> Line:
-        ring = (self._spectra, self._valid, self._head)
-        lines.describe(*ring, self._power, lowest, peak, self._scratch, self._measures)
-        share, prominence, variation, growth, growth_sd, rise, *coherence = self._measures.tolist()
+    def _line(self, peak: int) -> Line:
+        ring = (self._spectra, self._levels, self._valid, self._head)
+        lines.describe(*ring, self._power, self._lowest, peak, self._scratch, self._measures)
+        share, variation, growth, growth_sd, rise, level_rise, *coherence = self._measures.tolist()
         before, here, after = np.log(np.maximum(self._power[peak - 1 : peak + 2], 1e-300)).tolist()
         bend = before - 2.0 * here + after
         offset = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
         return Line(
             frequency_hz=(peak + offset) * self._bin_hz,
             share=share,
-            prominence_db=prominence,
+            prominence_db=10.0 / math.log(10.0) * float(self._prominence[peak]),
             variation=variation,
             growth_per_s=growth / self._hop_s,
             growth_sd_per_s=growth_sd / self._hop_s,
             rise=rise,
+            level_rise=level_rise,
             coherence=tuple(coherence),
         )

@@ -1,0 +1,100 @@
+"""One channel from samples to what there is to see in each interval: orders out, recursion, lines."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.records import Flag, OdpFrame
+from chatter_monitor.tracking.orders import Orders, OrderSettings, OrderTracker
+from chatter_monitor.tracking.spectrum import Line, Spectrum
+from chatter_monitor.tracking.spindle import SpindleSettings
+from chatter_monitor.tracking.tracker import INTERVAL_S, Tracker, TrackerSettings
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observation:
+    """One interval of one channel.
+
+    Attributes
+    ----------
+    odp : OdpFrame
+        Operational dynamic parameters of what does not turn with the spindle.
+    orders : Orders
+        What does.
+    lines : tuple of Line
+        Lines of what does not, most prominent first.
+    """
+
+    odp: OdpFrame
+    orders: Orders
+    lines: tuple[Line, ...]
+
+
+class Channel:
+    """Follows one channel.
+
+    Parameters
+    ----------
+    tracker : TrackerSettings
+        Of the recursion.
+    orders : OrderSettings
+        Of the spindle-synchronous part.
+    spindle : SpindleSettings
+        Speed and teeth, where known.
+    channel : int
+        Number that the frames carry.
+    source_rate_hz : float, optional
+        Rate at which the signal was sampled first.
+    """
+
+    def __init__(
+        self,
+        tracker: TrackerSettings,
+        orders: OrderSettings,
+        spindle: SpindleSettings,
+        channel: int = 0,
+        source_rate_hz: float | None = None,
+    ) -> None:
+        rate_hz = tracker.sample_rate_hz
+        self._orders = OrderTracker(orders, rate_hz, spindle)
+        self._tracker = Tracker(tracker, channel, source_rate_hz)
+        self._spectrum = Spectrum(rate_hz, round(INTERVAL_S * rate_hz))
+        self._waiting: deque[Orders] = deque()
+
+    def set_spindle(self, spindle: SpindleSettings) -> None:
+        """Go by another speed or number of teeth from now on."""
+        self._orders.set_spindle(spindle)
+
+    def process(
+        self, first_sample: int, samples: NDArray[np.float64], flags: Flag = Flag.NONE
+    ) -> Iterator[Observation]:
+        """Take samples and yield the intervals that they complete.
+
+        Parameters
+        ----------
+        first_sample : int
+            Index of the first one; what was skipped since the last call is lost.
+        samples : ndarray of float64, shape (n,)
+            The signal.
+        flags : Flag
+            What is wrong with these samples.
+        """
+        if flags & Flag.NON_FINITE:
+            samples = np.full(len(samples), np.nan)  # they are placeholders, not measurements
+        residual, orders = self._orders.process(first_sample, samples)
+        self._waiting.extend(orders)
+        yield from self._observations(self._tracker.process(first_sample, residual, flags))
+
+    def finish(self) -> Iterator[Observation]:
+        """Yield what remains as a last, shorter interval."""
+        self._waiting.extend(self._orders.finish())
+        yield from self._observations(self._tracker.finish())
+
+    def _observations(self, frames: Iterator[OdpFrame]) -> Iterator[Observation]:
+        for frame in frames:
+            yield Observation(frame, self._waiting.popleft(), tuple(self._spectrum.take(frame.signal)))
