@@ -21,6 +21,7 @@ from chatter_monitor.outlets.event_files import read
 from chatter_monitor.outlets.flight_recorder import RecorderSettings
 from chatter_monitor.outlets.metrics import MetricsSettings
 from chatter_monitor.outlets.publisher import PublishSettings
+from chatter_monitor.tracking.orders import OrderSettings
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import TrackerSettings
 from chatter_monitor.verdict.judge import JudgeSettings
@@ -45,6 +46,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     input: InputSettings = InputSettings()
     spindle: SpindleSettings = SpindleSettings()
     tracker: TrackerSettings = TrackerSettings()
+    orders: OrderSettings = OrderSettings()
     verdict: JudgeSettings = JudgeSettings()
     publish: PublishSettings = PublishSettings()
     control: ControlSettings = ControlSettings()

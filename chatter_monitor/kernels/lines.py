@@ -29,9 +29,7 @@ SHARE = 0
 VARIATION = 1
 GROWTH = 2
 GROWTH_SD = 3
-RISE = 4
-LEVEL_RISE = 5
-COHERENCE = 6  # and one for each further lag
+COHERENCE = 4  # and one for each further lag
 MEASURES = COHERENCE + len(LAGS)
 
 
@@ -52,15 +50,6 @@ def recent_power(spectra, valid, head, hops, power):
         for b in range(bins):
             power[b] /= found
     return found
-
-
-@njit(**OPTIONS)
-def log_modulus(spectrum, lowest):
-    """Mean over the bins of the logarithm of the modulus: the level of what is not lines."""
-    total = 0.0
-    for b in range(lowest, spectrum.shape[0]):
-        total += 0.5 * math.log(spectrum[b].real ** 2 + spectrum[b].imag ** 2 + TINY)
-    return total / (spectrum.shape[0] - lowest)
 
 
 @njit(**OPTIONS)
@@ -130,15 +119,13 @@ def median(values):
 
 
 @njit(**OPTIONS)
-def describe(spectra, levels, valid, head, power, lowest, b, scratch, out):
+def describe(spectra, valid, head, power, lowest, b, scratch, out):
     """Measures of the line at bin ``b``, at the indices above.
 
     Parameters
     ----------
     spectra : ndarray of complex128, shape (hops, bins)
         Ring of transforms, phases referred to a common time.
-    levels : ndarray, shape (hops,)
-        Of each transform (`log_modulus`).
     valid : ndarray of bool, shape (hops,)
         Which of them hold samples.
     head : int
@@ -153,8 +140,7 @@ def describe(spectra, levels, valid, head, power, lowest, b, scratch, out):
         Work space.
     out : ndarray, shape (MEASURES,)
         Share of the power; coefficient of variation of the modulus over half of the
-        ring; growth of its logarithm in a hop with standard deviation; logarithm of its present over its median
-        modulus, and the same of the level; correlation at each of `LAGS`.
+        ring; growth of its logarithm in a hop with standard deviation; correlation at each of `LAGS`.
     """
     size = spectra.shape[0]
     total = 0.0
@@ -179,20 +165,37 @@ def describe(spectra, levels, valid, head, power, lowest, b, scratch, out):
     if mean > 0.0:
         out[VARIATION] = spread / mean
     _growth(modulus[count - GROWTH_HOPS : count], out)
-    newest, _ = _moments(modulus[count - 4 : count])
-    usual = median(modulus[:count])
-    if usual > 0.0 and newest > 0.0:
-        out[RISE] = math.log(newest / usual)
-    count = 0
-    for back in range(size, 0, -1):
-        row = (head - back) % size
-        if valid[row]:
-            scratch[count] = levels[row]
-            count += 1
-    newest, _ = _moments(scratch[count - 4 : count])
-    out[LEVEL_RISE] = newest - median(scratch[:count])
     for i in range(len(LAGS)):
         out[COHERENCE + i] = _coherence(spectra, valid, head, b, LAGS[i])
+
+
+@njit(**OPTIONS)
+def rise(reliefs, head, frames, b, scratch):
+    """Half the prominence of a bin now, less its median over the last frames: growth that the surroundings do not share.
+
+    Parameters
+    ----------
+    reliefs : ndarray, shape (rows, bins)
+        Ring of prominences (`stand_out`), one row a frame.
+    head : int
+        Row after the newest, counted from the start without wrapping.
+    frames : int
+        How far to look back.
+    b : int
+        The bin; what stands out one bin aside is the same line.
+    scratch : ndarray, shape (rows,)
+        Work space.
+    """
+    rows = reliefs.shape[0]
+    count = min(frames, head, rows)
+    newest = 0.0
+    for back in range(1, count + 1):
+        row = (head - back) % rows
+        height = max(reliefs[row, b - 1], reliefs[row, b], reliefs[row, b + 1])
+        if back == 1:
+            newest = height
+        scratch[back - 1] = height
+    return 0.5 * (newest - median(scratch[:count])) if count > 1 else 0.0
 
 
 @njit(**OPTIONS)

@@ -16,7 +16,8 @@ from chatter_monitor.outlets.control import Command, Mark, SetSpindle
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Event, Flag, Health, Mode, Odp, OdpFrame, Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
-from chatter_monitor.tracking.tracker import INTERVAL_S, Tracker
+from chatter_monitor.tracking.channel import Channel, Observation
+from chatter_monitor.tracking.tracker import INTERVAL_S
 from chatter_monitor.verdict.evidence import weigh
 from chatter_monitor.verdict.judge import EventLog, Judge, JudgeSettings
 
@@ -59,7 +60,9 @@ def odp_message(frame: OdpFrame) -> Odp:
 def _warm_up(settings: Settings, source_rate_hz: float) -> None:
     """Load the compiled kernels: better before the first sample of a live source than after it."""
     noise = np.random.default_rng(0).standard_normal(round(settings.tracker.sample_rate_hz * INTERVAL_S))
-    for _ in Tracker(settings.tracker, source_rate_hz=source_rate_hz).process(0, noise):
+    for _ in Channel(settings.tracker, settings.orders, settings.spindle, source_rate_hz=source_rate_hz).process(
+        0, noise
+    ):
         pass
 
 
@@ -115,7 +118,10 @@ class Monitor:
         self._marks: list[str] = []
         self.trouble: str | None = None
         _warm_up(settings, source_rate_hz)
-        self._trackers = [Tracker(settings.tracker, c, source_rate_hz) for c in range(source.channels)]
+        self._channels = [
+            Channel(settings.tracker, settings.orders, settings.spindle, c, source_rate_hz)
+            for c in range(source.channels)
+        ]
         self._judges = [
             Judge(settings.verdict, settings.spindle, c, interval_s=INTERVAL_S) for c in range(source.channels)
         ]
@@ -140,11 +146,11 @@ class Monitor:
                 self._tally.lost_at_s = block.first_sample / self._source.sample_rate_hz
             for outlet in self._outlets:
                 outlet.block(block)
-            for channel, tracker in enumerate(self._trackers):
+            for number, channel in enumerate(self._channels):
                 # The tracker flags a gap before the block where it lies; the block's length is chance.
-                flags = block.flags[channel] if block.flags else Flag.NONE
-                for frame in tracker.process(block.first_sample, block.samples[:, channel], flags):
-                    self._deliver(frame)
+                flags = block.flags[number] if block.flags else Flag.NONE
+                for observation in channel.process(block.first_sample, block.samples[:, number], flags):
+                    self._deliver(observation)
             if len(block.samples):
                 self._tally.latencies_s.append(self._clock() - (began if block.arrived_s is None else block.arrived_s))
             while end >= health_due:
@@ -153,11 +159,11 @@ class Monitor:
             if hearing != (hearing := self._source.condition().hearing):  # is news that does not wait for the second
                 self._send(self._health(end / self._source.sample_rate_hz, finished=False))
             yield end
-        for tracker in self._trackers:
-            for frame in tracker.finish():
-                self._deliver(frame)
-        for channel in range(len(self._trackers)):
-            event = self._events.finish(channel)
+        for channel in self._channels:
+            for observation in channel.finish():
+                self._deliver(observation)
+        for number in range(len(self._channels)):
+            event = self._events.finish(number)
             if event is not None:
                 self._send(event)
         self._send(self._health(end / self._source.sample_rate_hz, finished=True))
@@ -179,14 +185,16 @@ class Monitor:
             self._set_spindle(spindle)
 
     def _set_spindle(self, spindle: SpindleSettings) -> None:
-        for judge in self._judges:
+        for channel, judge in zip(self._channels, self._judges, strict=True):
+            channel.set_spindle(spindle)
             judge.set_spindle(spindle)
         for outlet in self._outlets:
             outlet.spindle(spindle)
 
-    def _deliver(self, frame: OdpFrame) -> None:
+    def _deliver(self, observation: Observation) -> None:
+        frame = observation.odp
         verdict = self._judges[frame.channel].verdict(
-            weigh(frame), frame.first_sample, len(frame), frame.sample_rate_hz
+            weigh(observation), frame.first_sample, len(frame), frame.sample_rate_hz
         )
         condition = self._source.condition()
         if not condition.hearing and verdict.state == "unknown":

@@ -17,6 +17,7 @@ WINDOW_S = 0.025
 HOPS = 4
 # How far back the amplitude of a line is looked at.
 HISTORY_S = 1.0
+LONG_S = 6.0
 # Lines looked at in a frame.
 LINES = 3
 # What is below is offset and drift.
@@ -39,10 +40,9 @@ class Line:
         Coefficient of variation of its amplitude over half a second: 0.52 for a mode that noise drives for long.
     growth_per_s, growth_sd_per_s : float
         Rate at which its amplitude grows, over the last 150 ms, with standard deviation.
-    rise : float
-        Logarithm of its present amplitude over the median of the last second.
-    level_rise : float
-        The same of the level of what is not lines: a cut that begins or grows louder lifts everything.
+    rise, long_rise : float
+        Logarithm of its present amplitude over the median of the last second, and of the last six, beyond what its
+        surroundings have risen: a cut that begins or grows louder lifts everything.
     coherence : tuple of float
         Correlation of its complex amplitude after 25, 50, 100 and 200 ms: exp(-zeta omega t) for a mode.
     """
@@ -54,7 +54,7 @@ class Line:
     growth_per_s: float
     growth_sd_per_s: float
     rise: float
-    level_rise: float
+    long_rise: float
     coherence: tuple[float, ...]
 
 
@@ -88,10 +88,10 @@ class Spectrum:
         self._power = np.zeros(bins)
         self._peaks = np.zeros(LINES, np.int64)
         self._lowest = round(LOWEST_HZ / self._bin_hz)
-        self._levels = np.zeros(rows)
         self._sums = np.zeros(bins + 1)
-        self._prominence = np.zeros(bins)
-        self._scratch = np.zeros(rows)
+        self._reliefs = np.zeros((round(LONG_S * rows / HISTORY_S) // HOPS, bins))
+        self._frames = 0
+        self._scratch = np.zeros(max(rows, len(self._reliefs)))
         self._measures = np.zeros(lines.MEASURES)
 
     def take(self, signal: NDArray[np.float64]) -> list[Line]:
@@ -105,30 +105,34 @@ class Spectrum:
         turns = np.arange(self._head, self._head + hops) % len(self._turns)
         self._valid[rows] = np.isfinite(pieces).all(axis=1)
         self._spectra[rows] = np.fft.rfft(pieces * self._window, self._points) * self._turns[turns]
-        for row in rows:
-            self._levels[row] = lines.log_modulus(self._spectra[row], self._lowest)
         self._head += hops
         if not lines.recent_power(self._spectra, self._valid, self._head, HOPS, self._power):
             return []
-        lines.stand_out(self._power, self._lowest, self._sums, self._prominence)
-        count = lines.most_prominent(self._prominence, self._lowest, self._peaks)
+        relief = self._reliefs[self._frames % len(self._reliefs)]
+        self._frames += 1
+        lines.stand_out(self._power, self._lowest, self._sums, relief)
+        count = lines.most_prominent(relief, self._lowest, self._peaks)
         return [self._line(int(peak)) for peak in self._peaks[:count]]
 
     def _line(self, peak: int) -> Line:
-        ring = (self._spectra, self._levels, self._valid, self._head)
+        ring = (self._spectra, self._valid, self._head)
         lines.describe(*ring, self._power, self._lowest, peak, self._scratch, self._measures)
-        share, variation, growth, growth_sd, rise, level_rise, *coherence = self._measures.tolist()
+        share, variation, growth, growth_sd, *coherence = self._measures.tolist()
+        rise, long_rise = (
+            float(lines.rise(self._reliefs, self._frames, frames, peak, self._scratch))
+            for frames in (len(self._valid) // HOPS, len(self._reliefs))
+        )
         before, here, after = np.log(np.maximum(self._power[peak - 1 : peak + 2], 1e-300)).tolist()
         bend = before - 2.0 * here + after
         offset = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
         return Line(
             frequency_hz=(peak + offset) * self._bin_hz,
             share=share,
-            prominence_db=10.0 / math.log(10.0) * float(self._prominence[peak]),
+            prominence_db=10.0 / math.log(10.0) * float(self._reliefs[(self._frames - 1) % len(self._reliefs), peak]),
             variation=variation,
             growth_per_s=growth / self._hop_s,
             growth_sd_per_s=growth_sd / self._hop_s,
             rise=rise,
-            level_rise=level_rise,
+            long_rise=long_rise,
             coherence=tuple(coherence),
         )
