@@ -178,6 +178,7 @@ class Event(Message, frozen=True, tag="event"):
     peak_frequency_hz: float
     min_damping_ratio: float
     advice: list[Advice] = []
+    remedy: str = ""
     recording: str | None = None
 
 

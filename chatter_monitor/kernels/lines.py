@@ -2,8 +2,8 @@
 
 The ring ``spectra[hops, bins]`` holds the latest transforms, ``spectra[head - 1]`` the newest, and ``valid[hops]``
 whether a transform saw samples at all. The amplitudes of one line over the hops are a narrow-band signal at baseband:
-of a mode that noise drives, their correlation decays as exp(-zeta omega t) and their modulus is Rayleigh distributed; of
-a limit cycle or a tone, neither (MATHS section 3).
+of a mode that noise drives, their correlation decays as exp(-zeta omega t) and their modulus is Rayleigh distributed;
+of a limit cycle or a tone, neither (MATHS section 3).
 """
 
 import math
@@ -171,7 +171,7 @@ def describe(spectra, valid, head, power, lowest, b, scratch, out):
 
 @njit(**OPTIONS)
 def rise(reliefs, head, frames, b, scratch):
-    """Half the prominence of a bin now, less its median over the last frames: growth that the surroundings do not share.
+    """Half the prominence of a bin, less its median over the last frames: growth that the surroundings do not share.
 
     Parameters
     ----------

@@ -15,11 +15,12 @@ from chatter_monitor.config import Settings
 from chatter_monitor.outlets.control import Command, Mark, SetSpindle
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Event, Flag, Health, Mode, Odp, OdpFrame, Verdict
-from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.channel import Channel, Observation
+from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S
+from chatter_monitor.verdict.event_log import EventLog
 from chatter_monitor.verdict.evidence import weigh
-from chatter_monitor.verdict.judge import EventLog, Judge, JudgeSettings
+from chatter_monitor.verdict.judge import Judge, JudgeSettings
 
 # The count of lost samples stays; what is said about it in words is news for a minute.
 LOSS_SHOWN_S = 60.0
@@ -122,10 +123,9 @@ class Monitor:
             Channel(settings.tracker, settings.orders, settings.spindle, c, source_rate_hz)
             for c in range(source.channels)
         ]
-        self._judges = [
-            Judge(settings.verdict, settings.spindle, c, interval_s=INTERVAL_S) for c in range(source.channels)
-        ]
-        self._events = EventLog(session)
+        self._judges = [Judge(settings.verdict, c, interval_s=INTERVAL_S) for c in range(source.channels)]
+        self._events = EventLog(session, settings.spindle)
+        self._spindle = settings.spindle
         self._tally = Tally()
 
     def run(self) -> Iterator[int]:
@@ -173,7 +173,9 @@ class Monitor:
         for command in self._commands():
             match command:
                 case SetSpindle():
-                    self._set_spindle(SpindleSettings(command.rpm, command.teeth))
+                    self._set_spindle(
+                        msgspec.structs.replace(self._spindle, speed_rpm=command.rpm, teeth=command.teeth)
+                    )
                 case Mark():
                     self._marks.append(f"mark at {t:.2f} s: {command.text}")
 
@@ -185,16 +187,17 @@ class Monitor:
             self._set_spindle(spindle)
 
     def _set_spindle(self, spindle: SpindleSettings) -> None:
-        for channel, judge in zip(self._channels, self._judges, strict=True):
+        self._spindle = spindle
+        self._events.set_spindle(spindle)
+        for channel in self._channels:
             channel.set_spindle(spindle)
-            judge.set_spindle(spindle)
         for outlet in self._outlets:
             outlet.spindle(spindle)
 
     def _deliver(self, observation: Observation) -> None:
         frame = observation.odp
         verdict = self._judges[frame.channel].verdict(
-            weigh(observation), frame.first_sample, len(frame), frame.sample_rate_hz
+            weigh(observation, self._spindle), frame.first_sample, len(frame), frame.sample_rate_hz
         )
         condition = self._source.condition()
         if not condition.hearing and verdict.state == "unknown":

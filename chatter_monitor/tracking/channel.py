@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.records import Flag, OdpFrame
+from chatter_monitor.tracking.margin import Margin, MarginSettings, MarginTracker
 from chatter_monitor.tracking.orders import Orders, OrderSettings, OrderTracker
 from chatter_monitor.tracking.spectrum import Line, Spectrum
 from chatter_monitor.tracking.spindle import SpindleSettings
@@ -28,11 +29,14 @@ class Observation:
         What does.
     lines : tuple of Line
         Lines of what does not, most prominent first.
+    margin : Margin
+        How far the cut is from chatter, where the speed is known.
     """
 
     odp: OdpFrame
     orders: Orders
     lines: tuple[Line, ...]
+    margin: Margin
 
 
 class Channel:
@@ -60,15 +64,21 @@ class Channel:
         channel: int = 0,
         source_rate_hz: float | None = None,
     ) -> None:
-        rate_hz = tracker.sample_rate_hz
+        self._rate_hz = rate_hz = tracker.sample_rate_hz
         self._orders = OrderTracker(orders, rate_hz, spindle)
         self._tracker = Tracker(tracker, channel, source_rate_hz)
         self._spectrum = Spectrum(rate_hz, round(INTERVAL_S * rate_hz))
         self._waiting: deque[Orders] = deque()
+        self._spindle = spindle
+        self._margin = MarginTracker(MarginSettings(), rate_hz, spindle.teeth)
+        self._last_margin = Margin(reason="too little signal yet")
 
     def set_spindle(self, spindle: SpindleSettings) -> None:
         """Go by another speed or number of teeth from now on."""
         self._orders.set_spindle(spindle)
+        if spindle.teeth != self._spindle.teeth:
+            self._margin = MarginTracker(MarginSettings(), self._rate_hz, spindle.teeth)
+        self._spindle = spindle
 
     def process(
         self, first_sample: int, samples: NDArray[np.float64], flags: Flag = Flag.NONE
@@ -97,4 +107,13 @@ class Channel:
 
     def _observations(self, frames: Iterator[OdpFrame]) -> Iterator[Observation]:
         for frame in frames:
-            yield Observation(frame, self._waiting.popleft(), tuple(self._spectrum.take(frame.signal)))
+            orders = self._waiting.popleft()
+            yield Observation(frame, orders, tuple(self._spectrum.take(frame.signal)), self._margin_of(frame, orders))
+
+    def _margin_of(self, frame: OdpFrame, orders: Orders) -> Margin:
+        """Margin at the end of a frame; the delay is known only with the spindle, not with any comb."""
+        known = self._spindle.speed_rpm is not None
+        rotation_hz = orders.rotation_hz if known else None
+        for margin in self._margin.process(frame.signal, rotation_hz, orders.rotation_sd_hz if known else None):
+            self._last_margin = margin
+        return self._last_margin

@@ -182,7 +182,10 @@ def fit(band: Band, prior: Prior, start: Array, steps: int = _STEPS) -> Fit:
     damping, rejected = 1e-3, False
     for _ in range(steps):
         scale = np.diag(np.diag(information) + 1e-12)
-        step = np.linalg.solve(information + damping * scale, score)
+        try:
+            step = np.linalg.solve(information + damping * scale, score)
+        except np.linalg.LinAlgError:  # a spectrum that is all line tells nothing of some parameter
+            break
         step /= max(1.0, float(np.max(abs(step) / _LARGEST_STEP)))
         promised = float(score @ step)
         ahead = _stable(theta + step)
@@ -197,7 +200,15 @@ def fit(band: Band, prior: Prior, start: Array, steps: int = _STEPS) -> Fit:
             break
     if rejected:
         band.evaluate(theta)  # the spectrum that is left behind shall be that of the result
-    return Fit(theta, np.asarray(np.linalg.inv(information), dtype=np.float64), value)
+    return Fit(theta, _inverse(information), value)
+
+
+def _inverse(information: Array) -> Array:
+    """Covariance; infinite where the information does not determine the parameters."""
+    try:
+        return np.asarray(np.linalg.inv(information), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.full(information.shape, np.inf)
 
 
 def _stable(theta: Array) -> Array:

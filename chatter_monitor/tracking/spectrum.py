@@ -57,6 +57,11 @@ class Line:
     long_rise: float
     coherence: tuple[float, ...]
 
+    @property
+    def damping_ratio(self) -> float:
+        """Damping that the loss of coherence within 25 ms would have; what else there is in the line adds to it."""
+        return -math.log(max(self.coherence[0], 1e-6)) / (2.0 * math.pi * self.frequency_hz * WINDOW_S)
+
 
 class Spectrum:
     """Ring of the latest transforms of a signal that comes in frames.
@@ -125,6 +130,7 @@ class Spectrum:
         before, here, after = np.log(np.maximum(self._power[peak - 1 : peak + 2], 1e-300)).tolist()
         bend = before - 2.0 * here + after
         offset = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+        offset = min(max(offset, -0.5), 0.5)
         return Line(
             frequency_hz=(peak + offset) * self._bin_hz,
             share=share,

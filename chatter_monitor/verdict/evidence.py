@@ -9,11 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.records import Flag, ModeStatus, OdpFrame
+from chatter_monitor.tracking.channel import Observation
+from chatter_monitor.tracking.margin import Margin
+from chatter_monitor.tracking.orders import Orders
+from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.tracking.spindle import SpindleSettings
 
 # A mode is looked at when it carries at least this share of the signal's power: the poles of a fit to little more than
 # noise wander anywhere, zero damping included.
 SIGNIFICANT_SHARE = 0.05
+# A line is looked at when it carries at least this share: a sensor hears most of the structure, not all of it loud.
+AUDIBLE_SHARE = 0.003
+# A mode belongs to a line when their frequencies are this near, relatively or in Hz: lines are 40 Hz wide.
+SAME_FREQUENCY = 0.05
+LINE_WIDTH_HZ = 25.0
+# How near to an order a line has to be: the frequency of a line 40 Hz wide is known to some Hz; nominal speeds are 1 to
+# 3 % off.
+ORDER_TOLERANCE_HZ = 6.0
+NOMINAL_TOLERANCE = 0.035
 
 # Plain numbers, because looking members up costs more than comparing a frame with them.
 OSCILLATORY, HELD, STARTING = int(ModeStatus.OSCILLATORY), int(ModeStatus.HELD), int(ModeStatus.STARTING)
@@ -30,6 +43,25 @@ class ModeEvidence:
 
 
 @dataclass(frozen=True, slots=True)
+class Vibration:
+    """A line, the tracker's mode at it, and its place among the orders.
+
+    Attributes
+    ----------
+    line : Line
+        What the short-time spectrum says.
+    mode : ModeEvidence or None
+        What the recursion says; None where it has no mode there.
+    on_order : bool
+        Whether its frequency cannot be told from an order of the spindle.
+    """
+
+    line: Line
+    mode: ModeEvidence | None
+    on_order: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Evidence:
     """What one interval says.
 
@@ -37,17 +69,26 @@ class Evidence:
     ----------
     critical : ModeEvidence or None
         The least damped of the modes that carry a significant share of the power.
+    vibrations : tuple of Vibration
+        The lines that stand out.
+    orders : Orders
+        What turns with the spindle.
+    margin : Margin
+        How far the cut is from chatter.
     held : bool
         No sample of the interval could be adapted to: nothing moves.
     starting : bool
         The tracker knows too little yet, at the start or after a gap.
     rms : float
-        Of the signal without its offset.
+        Of the signal without its offset, what turns with the spindle included.
     flags : Flag
         What is wrong with the samples.
     """
 
     critical: ModeEvidence | None
+    vibrations: tuple[Vibration, ...]
+    orders: Orders
+    margin: Margin
     held: bool
     starting: bool
     rms: float
@@ -77,16 +118,47 @@ def _middle(columns: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.partition(columns, middle, axis=1)[:, middle]
 
 
-def weigh(frame: OdpFrame) -> Evidence:
-    """Reduce the samples of a frame to evidence."""
-    significant = [mode for mode in modes_evidence(frame) if mode is not None and mode.share >= SIGNIFICANT_SHARE]
+def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
+    """Reduce an interval to evidence."""
+    frame, orders = observation.odp, observation.orders
+    modes = [mode for mode in modes_evidence(frame) if mode is not None]
+    significant = [mode for mode in modes if mode.share >= SIGNIFICANT_SHARE]
+    vibrations = tuple(
+        Vibration(line, _mode_at(line, modes), is_on_order(line.frequency_hz, orders, spindle.teeth))
+        for line in observation.lines
+        if line.share >= AUDIBLE_SHARE
+    )
     return Evidence(
         critical=min(significant, key=lambda mode: mode.damping_ratio, default=None),
+        vibrations=vibrations,
+        orders=orders,
+        margin=observation.margin,
         held=bool((frame.status == HELD).all()),
         starting=bool((frame.status == STARTING).any()),
-        rms=frame.rms,
+        rms=frame.rms / math.sqrt(max(1.0 - orders.synchronous_share, 1e-6)),
         flags=frame.flags,
     )
+
+
+def _mode_at(line: Line, modes: list[ModeEvidence]) -> ModeEvidence | None:
+    """The least damped mode at a line's frequency."""
+    reach = max(SAME_FREQUENCY, LINE_WIDTH_HZ / line.frequency_hz)
+    near = [mode for mode in modes if abs(math.log(mode.frequency_hz / line.frequency_hz)) < reach]
+    return min(near, key=lambda mode: mode.damping_ratio, default=None)
+
+
+def is_on_order(frequency_hz: float, orders: Orders, teeth: int) -> bool:
+    """Whether a frequency cannot be told from an order, where the orders are far enough apart to say so."""
+    if orders.rotation_hz is None:
+        return False
+    tolerance_hz = ORDER_TOLERANCE_HZ
+    if orders.source == "given":
+        tolerance_hz = max(tolerance_hz, NOMINAL_TOLERANCE * frequency_hz)
+    for spacing_hz in (orders.rotation_hz, orders.rotation_hz * teeth):
+        if spacing_hz > 2.5 * tolerance_hz:
+            order = round(frequency_hz / spacing_hz)
+            return order >= 1 and abs(frequency_hz - order * spacing_hz) < tolerance_hz
+    return False
 
 
 def probability_below(mode: ModeEvidence, damping_ratio: float) -> float:
@@ -96,6 +168,6 @@ def probability_below(mode: ModeEvidence, damping_ratio: float) -> float:
     return 0.5 * math.erfc((mode.damping_ratio - damping_ratio) / (math.sqrt(2.0) * max(mode.damping_sd, 1e-9)))
 
 
-def spindle_order(frequency_hz: float, spindle: SpindleSettings) -> float | None:
-    """Frequency in multiples of the spindle's, None where its speed is unknown."""
-    return None if spindle.speed_rpm is None else frequency_hz * 60.0 / spindle.speed_rpm
+def spindle_order(frequency_hz: float, orders: Orders) -> float | None:
+    """Frequency in multiples of the rotation, None where its speed is unknown."""
+    return None if orders.rotation_hz is None else frequency_hz / orders.rotation_hz

@@ -1,26 +1,25 @@
-"""From evidence to a state: a first rule, on damping and its confidence.
+"""From evidence to a state: whether the machine idles, cuts, is forced, comes near chatter, or chatters.
 
-It cannot tell a forced line from self-excited vibration when the spindle speed is unknown: both have damping near zero
-(docs/decisions/0004-first-verdict.md). With the speed known, a line that sits on a tooth passing harmonic is forced.
+What the vibration is, is followed by `verdict.kinds`; here its probability becomes one word, with reasons.
 """
 
 from __future__ import annotations
 
-import statistics
+import math
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 import msgspec
 
-from chatter_monitor.records import Event, Flag, State, Verdict
-from chatter_monitor.tracking.spindle import SpindleSettings
-from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, probability_below, spindle_order
+from chatter_monitor.records import Flag, State, Verdict
+from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration, probability_below, spindle_order
+from chatter_monitor.verdict.kinds import NOTHING, PRIOR, Kinds, Likeness, follow, likeness
 
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 
-# Relative distance within which frequencies belong to one vibration.
-SAME_VIBRATION = 0.1
+# Weight of an interval in the average of the synchronous share: half a second of intervals.
+AVERAGING = 0.1
 
 Probability = Annotated[float, msgspec.Meta(gt=0, lt=1)]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -31,35 +30,32 @@ class JudgeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes
     ----------
-    chatter_damping : float
-        Damping below which a vibration sustains itself. Above zero, because the estimate of a vibration at its limit
-        scatters around zero.
+    alarm_probability : float
+        Probability of self-excitation from which on it is an alarm.
+    calm_probability : float
+        Probability below which a running alarm ends.
+    warning_probability : float
+        Probability of self-excitation from which on it is `approaching`.
     approaching_damping : float
-        Damping below which little is left: the early warning.
+        Damping below which little is left: the early warning, too.
+    approaching_margin_percent : float
+        Margin below which little is left, where it is known.
     certainty : float
-        Probability with which the damping has to be below a threshold.
-    alarm_intervals : int
-        Intervals in a row that raise the alarm: one alone is chance once in a while.
-    calm_intervals : int
-        Intervals in a row without a reason that end it.
-    release_ratio : float
-        A running alarm ends only after the level has fallen below this share of its largest: the damping of a
-        saturated vibration rises by itself, and that is no reason to withdraw the alarm.
+        Probability with which damping or margin has to be below its threshold.
+    forced_share : float
+        Share of the power from which on the vibration is forced.
     idle_ratio : float
         Below this share of the loudest level of the last minute, nothing is being cut.
-    order_tolerance : float
-        Relative distance from a tooth passing harmonic within which a line counts as being on it; real speeds are 1 %
-        off their nominal value and more.
     """
 
-    chatter_damping: Positive = 0.003
-    approaching_damping: Positive = 0.008
+    alarm_probability: Probability = 0.8
+    calm_probability: Probability = 0.5
+    warning_probability: Probability = 0.1
+    approaching_damping: Positive = 0.003
+    approaching_margin_percent: Positive = 15.0
     certainty: Probability = 0.9
-    alarm_intervals: Annotated[int, msgspec.Meta(ge=1)] = 3
-    calm_intervals: Annotated[int, msgspec.Meta(ge=1)] = 4
-    release_ratio: Probability = 0.5
+    forced_share: Probability = 0.5
     idle_ratio: Probability = 0.003
-    order_tolerance: Probability = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,69 +66,111 @@ class Memory:
     ----------
     loudest : float
         Largest rms, forgotten with a time constant of a minute.
-    suspicious, calm : int
-        Intervals in a row with, and without, a reason for an alarm.
-    alarm_rms : float or None
-        Largest level since the alarm was raised; None while there is none.
-    spindle_is_new : bool
-        Speed or teeth have changed since the last interval that could be judged.
+    kinds : Kinds
+        What the vibration is, by all that was seen.
+    alarm : bool
+        Whether an alarm is running.
+    synchronous : float
+        Share of the power that turns with the spindle, averaged over the last half second.
     """
 
     loudest: float = 0.0
-    suspicious: int = 0
-    calm: int = 0
-    alarm_rms: float | None = None
-    spindle_is_new: bool = False
-
-
-def forced_order(mode: ModeEvidence, spindle: SpindleSettings, tolerance: float) -> int | None:
-    """Spindle order of the tooth passing harmonic that the mode's frequency sits on; None for none, or not to tell."""
-    order = spindle_order(mode.frequency_hz, spindle)
-    if order is None:
-        return None
-    harmonic = round(order / spindle.teeth)
-    # where the tolerance reaches half-way to the next harmonic, every frequency is near one: that says nothing
-    if harmonic < 1 or tolerance * harmonic > 0.25:
-        return None
-    nearest = harmonic * spindle.teeth
-    return nearest if abs(order - nearest) <= tolerance * nearest else None
+    kinds: Kinds = PRIOR
+    alarm: bool = False
+    synchronous: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Opinion:
-    """State, how sure, and why."""
+    """State, how sure, why, and which vibration is meant."""
 
     state: State
     confidence: float
     reasons: tuple[str, ...]
-    order: int | None = None
+    vibration: Vibration | None = None
 
 
-def opinion(evidence: Evidence, memory: Memory, spindle: SpindleSettings, settings: JudgeSettings) -> Opinion:
-    """What one interval says by itself, the memory giving only the loudness to compare with."""
-    if evidence.flags & DEAF:
-        return Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
-    if evidence.held or evidence.rms <= settings.idle_ratio * memory.loudest:
-        return Opinion("idle", 0.95, ("nothing moves" if evidence.held else "far below the level of cutting",))
-    if evidence.starting:
-        return Opinion("unknown", 0.0, ("too few samples yet",))
-    mode = evidence.critical
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """The vibration of an interval that looks most like growth, and what there is to say of all of them."""
+
+    vibration: Vibration | None
+    likeness: Likeness
+
+
+def suspect(evidence: Evidence) -> Suspect:
+    """Look at every line: the growth of the one that grows most, the calm of the calmest."""
+    if not evidence.vibrations:
+        return Suspect(None, NOTHING)
+    seen = [
+        (vibration, likeness(vibration.line, None if vibration.mode is None else vibration.mode.damping_ratio))
+        for vibration in evidence.vibrations
+    ]
+    most, growing = max(seen, key=lambda pair: pair[1].growth)
+    steady, calm = max(seen, key=lambda pair: pair[1].calm)
+    main = most if growing.growth > calm.calm else steady
+    return Suspect(main, Likeness(growing.growth, calm.calm))
+
+
+def opinion(evidence: Evidence, memory: Memory, found: Suspect, settings: JudgeSettings) -> Opinion:
+    """What an interval is, given what has been followed so far."""
+    vibration, kinds, alarm = found.vibration, memory.kinds, memory.alarm
+    if alarm and vibration is not None:
+        return Opinion("self_excited", kinds.self_excited, _why_chatter(vibration, kinds), vibration)
+    if alarm:
+        return Opinion("self_excited", kinds.self_excited, ("the vibration has not died down since the alarm",))
+    doubt = 1.0 - kinds.self_excited
+    share = memory.synchronous
+    if share > settings.forced_share:
+        return Opinion("forced", doubt, _why_forced(evidence))
+    if kinds.self_excited >= settings.warning_probability and vibration is not None:
+        why = f"{_line(vibration)} begins to grow by itself; not certain yet"
+        return Opinion("approaching", doubt, (why,), vibration)
+    if vibration is not None and kinds.forced > 0.5 and share + vibration.line.share > settings.forced_share:
+        return Opinion("forced", kinds.forced, _why_steady(vibration), vibration)
+    return _stable_or_near(evidence, kinds, settings)
+
+
+def _stable_or_near(evidence: Evidence, kinds: Kinds, settings: JudgeSettings) -> Opinion:
+    """Among what neither is chatter nor forced: how much is left."""
+    margin, mode = evidence.margin, evidence.critical
+    if margin.margin_ci95 is not None and margin.margin_ci95[1] < settings.approaching_margin_percent:
+        why = f"only {max(margin.margin_percent or 0.0, 0.0):.0f} % more depth before it chatters"
+        return Opinion("approaching", settings.certainty, (why,))
     if mode is None:
-        return Opinion("stable", 0.9, ("no mode stands out",))
-    chatter = probability_below(mode, settings.chatter_damping)
-    approaching = probability_below(mode, settings.approaching_damping)
-    if max(chatter, approaching) < settings.certainty:
-        return Opinion("stable", max(0.5, 1.0 - chatter), (f"damping {_percent(mode)} at {mode.frequency_hz:.0f} Hz",))
-    order = forced_order(mode, spindle, settings.order_tolerance)
-    if order is not None:
-        why = f"narrow line at {mode.frequency_hz:.0f} Hz is spindle order {order}, a tooth passing harmonic"
-        return Opinion("forced", 0.8, (why,), order)
-    why = f"damping {_percent(mode)} at {mode.frequency_hz:.0f} Hz"
-    if spindle.speed_rpm is None:
-        why += "; without the spindle speed a forced line reads the same"
-    if chatter >= settings.certainty:
-        return Opinion("self_excited", chatter, (why,))
-    return Opinion("approaching", approaching, (why,))
+        return Opinion("stable", 1.0 - kinds.self_excited, ("no mode stands out",))
+    near = probability_below(mode, settings.approaching_damping)
+    where = f"damping {_percent(mode)} at {mode.frequency_hz:.0f} Hz"
+    if near >= settings.certainty and kinds.forced < 0.5:
+        return Opinion("approaching", near, (where,))
+    return Opinion("stable", 1.0 - kinds.self_excited, (where,))
+
+
+def _why_chatter(vibration: Vibration, kinds: Kinds) -> tuple[str, ...]:
+    line = vibration.line
+    reasons = [f"{_line(vibration)} {'grows' if kinds.growing > kinds.saturated else 'has grown'} by itself"]
+    if line.long_rise > 0.5:
+        reasons.append(f"{math.exp(line.long_rise):.1f} times its amplitude of the last seconds")
+    if vibration.mode is not None:
+        reasons.append(f"damping {_percent(vibration.mode)}")
+    return tuple(reasons)
+
+
+def _why_forced(evidence: Evidence) -> tuple[str, ...]:
+    orders = evidence.orders
+    lines = ", ".join(f"{line.order} x" for line in orders.lines[:3])
+    turning = "" if orders.rotation_hz is None else f" of {orders.rotation_hz:.1f} Hz ({orders.source}): {lines}"
+    return (f"{100 * orders.synchronous_share:.0f} % of the power is in multiples{turning}",)
+
+
+def _why_steady(vibration: Vibration) -> tuple[str, ...]:
+    if vibration.on_order:
+        return (f"{_line(vibration)} is steady and on an order of the spindle",)
+    return (f"{_line(vibration)} is steady and was not seen to grow: something forces it",)
+
+
+def _line(vibration: Vibration) -> str:
+    return f"the vibration at {vibration.line.frequency_hz:.0f} Hz"
 
 
 def _percent(mode: ModeEvidence) -> str:
@@ -140,38 +178,23 @@ def _percent(mode: ModeEvidence) -> str:
 
 
 class Judge:
-    """State machine of one channel: opinions in, verdicts and events out, with hysteresis.
+    """State machine of one channel: evidence in, verdicts out.
 
     Parameters
     ----------
     settings : JudgeSettings
         Thresholds.
-    spindle : SpindleSettings
-        Speed and teeth, where known.
     channel : int
         Number that the verdicts carry.
     interval_s : float
         Length of an interval, for forgetting the loudest level.
     """
 
-    def __init__(
-        self, settings: JudgeSettings, spindle: SpindleSettings, channel: int = 0, interval_s: float = 0.05
-    ) -> None:
+    def __init__(self, settings: JudgeSettings, channel: int = 0, interval_s: float = 0.05) -> None:
         self._settings = settings
-        self._spindle = spindle
         self._channel = channel
         self._forgetting = 1.0 - interval_s / 60.0
         self._memory = Memory()
-
-    def set_spindle(self, spindle: SpindleSettings) -> None:
-        """Judge by another speed or number of teeth, from the next interval on.
-
-        If that interval turns out to be forced, a running alarm ends with it: the alarm was raised for want of the
-        right speed, and there is nothing that has to die down first.
-        """
-        if spindle != self._spindle:
-            self._spindle = spindle
-            self._memory = replace(self._memory, spindle_is_new=True)
 
     def set_thresholds(self, settings: JudgeSettings) -> None:
         """Judge by other thresholds, from the next interval on; what is remembered stays."""
@@ -180,45 +203,41 @@ class Judge:
     def verdict(self, evidence: Evidence, first_sample: int, samples: int, sample_rate_hz: float) -> Verdict:
         """Judge the next interval."""
         settings = self._settings
-        level = 0.0 if evidence.flags & DEAF else evidence.rms  # what is not to be trusted sets no level
+        deaf = bool(evidence.flags & DEAF)
+        memory = self._hear(0.0 if deaf else evidence.rms)  # what is not to be trusted sets no level
+        if deaf:
+            view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
+        elif evidence.held or evidence.rms <= settings.idle_ratio * memory.loudest:
+            memory = replace(memory, kinds=PRIOR, alarm=False)
+            view = Opinion("idle", 0.95, ("nothing moves" if evidence.held else "far below the level of cutting",))
+        elif evidence.starting:
+            view = Opinion("unknown", 0.0, ("too few samples yet",))
+        else:
+            found = suspect(evidence)
+            on_order = found.vibration is not None and found.vibration.on_order
+            kinds = follow(memory.kinds, found.likeness, on_order=on_order)
+            least = settings.calm_probability if memory.alarm else settings.alarm_probability
+            share = memory.synchronous + AVERAGING * (evidence.orders.synchronous_share - memory.synchronous)
+            memory = replace(memory, kinds=kinds, alarm=kinds.self_excited >= least, synchronous=share)
+            view = opinion(evidence, memory, found, settings)
+        self._memory = memory
+        return self._record(view, evidence, first_sample, samples, sample_rate_hz)
+
+    def _hear(self, level: float) -> Memory:
+        """Take note of how loud it is."""
         loudest = self._memory.loudest
         # it at most doubles with each interval, so that one click does not make a quiet cut look idle for minutes
         credible = min(level, 2.0 * loudest) if loudest > 0.0 else level
-        memory = replace(self._memory, loudest=max(credible, loudest * self._forgetting))
-        view = opinion(evidence, memory, self._spindle, settings)
-        if view.state == "self_excited":
-            memory = replace(memory, suspicious=memory.suspicious + 1, calm=0)
-        elif view.state != "unknown":
-            memory = replace(memory, suspicious=0, calm=memory.calm + 1)
-
-        if memory.alarm_rms is None and memory.suspicious >= settings.alarm_intervals:
-            memory = replace(memory, alarm_rms=evidence.rms)
-        elif memory.alarm_rms is not None:
-            alarm_rms = max(memory.alarm_rms, level)
-            memory = replace(memory, alarm_rms=alarm_rms)
-            forced_all_along = memory.spindle_is_new and view.state == "forced"
-            if forced_all_along or (
-                memory.calm >= settings.calm_intervals
-                and (evidence.rms < settings.release_ratio * alarm_rms or view.state in ("forced", "idle"))
-            ):
-                memory = replace(memory, alarm_rms=None, suspicious=0)
-        if view.state != "unknown":
-            memory = replace(memory, spindle_is_new=False)
-
-        if memory.alarm_rms is not None and view.state not in ("self_excited", "unknown"):
-            view = Opinion("self_excited", 0.7, ("the vibration has not died down since the alarm", *view.reasons))
-        elif memory.alarm_rms is None and view.state == "self_excited":
-            # not confirmed yet
-            view = Opinion("approaching", view.confidence, view.reasons)
-        self._memory = memory
-        return self._record(view, evidence, first_sample, samples, sample_rate_hz)
+        return replace(self._memory, loudest=max(credible, loudest * self._forgetting))
 
     def _record(
         self, view: Opinion, evidence: Evidence, first_sample: int, samples: int, sample_rate_hz: float
     ) -> Verdict:
-        mode = None if view.state in ("idle", "unknown") else evidence.critical
+        frequency_hz, mode = _meant(view, evidence)
         half = 1.96 * mode.damping_sd if mode is not None else 0.0
-        order = view.order if mode is None or view.order else spindle_order(mode.frequency_hz, self._spindle)
+        damping_ratio = mode.damping_ratio if mode is not None else None
+        if damping_ratio is None and view.vibration is not None:
+            damping_ratio = view.vibration.line.damping_ratio
         return Verdict(
             channel=self._channel,
             t0=first_sample / sample_rate_hz,
@@ -226,58 +245,23 @@ class Judge:
             sample0=first_sample,
             sample1=first_sample + samples,
             state=view.state,
-            frequency_hz=mode.frequency_hz if mode is not None else None,
-            damping_ratio=mode.damping_ratio if mode is not None else None,
+            frequency_hz=frequency_hz,
+            damping_ratio=damping_ratio,
             damping_ratio_ci95=(mode.damping_ratio - half, mode.damping_ratio + half) if mode is not None else None,
-            order=order,
+            order=None if frequency_hz is None else spindle_order(frequency_hz, evidence.orders),
             confidence=round(view.confidence, 4),
+            margin_percent=None if view.state in ("idle", "unknown") else evidence.margin.margin_percent,
             reasons=list(view.reasons),
             flags=evidence.flags.names(),
         )
 
 
-class EventLog:
-    """Joins the intervals of an alarm to an event when it ends.
-
-    Parameters
-    ----------
-    prefix : str
-        Start of the events' names, unique to this run of the monitor.
-    """
-
-    def __init__(self, prefix: str) -> None:
-        self._prefix = prefix
-        self._intervals: dict[int, list[Verdict]] = {}
-        self._count = 0
-
-    def follow(self, verdict: Verdict) -> Event | None:
-        """Take the next verdict of a channel; returns the event that it ends."""
-        if verdict.state == "self_excited":
-            self._intervals.setdefault(verdict.channel, []).append(verdict)
-            return None
-        if verdict.state == "unknown":  # deaf for a moment: neither goes on nor ends
-            return None
-        return self.finish(verdict.channel)
-
-    def finish(self, channel: int) -> Event | None:
-        """End the event that is under way on a channel, if there is one."""
-        intervals = self._intervals.pop(channel, [])
-        if not intervals:
-            return None
-        measured = [v for v in intervals if v.damping_ratio is not None and v.frequency_hz is not None]
-        # Another mode may read less for an interval, such as after a gap; the event is the vibration that lasts.
-        usual_hz = statistics.median([v.frequency_hz or 0.0 for v in measured]) if measured else 0.0
-        lasting = [v for v in measured if abs((v.frequency_hz or 0.0) - usual_hz) <= SAME_VIBRATION * usual_hz]
-        least = min(lasting or measured, key=lambda v: v.damping_ratio or 0.0, default=None)
-        if least is None or least.damping_ratio is None or least.frequency_hz is None:
-            return None
-        self._count += 1
-        return Event(
-            id=f"{self._prefix}-{channel}-{self._count:04d}",
-            channel=channel,
-            kind="chatter",
-            onset_s=intervals[0].t0,
-            end_s=intervals[-1].t1,
-            peak_frequency_hz=least.frequency_hz,
-            min_damping_ratio=least.damping_ratio,
-        )
+def _meant(view: Opinion, evidence: Evidence) -> tuple[float | None, ModeEvidence | None]:
+    """Frequency and mode of the vibration that a verdict is about."""
+    if view.state in ("idle", "unknown"):
+        return None, None
+    if view.vibration is not None:
+        return view.vibration.line.frequency_hz, view.vibration.mode
+    if view.state == "forced" and evidence.orders.lines:
+        return evidence.orders.lines[0].frequency_hz, None
+    return (None, None) if evidence.critical is None else (evidence.critical.frequency_hz, evidence.critical)

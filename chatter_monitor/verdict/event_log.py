@@ -1,0 +1,73 @@
+"""Intervals of an alarm joined to an event, with advice."""
+
+from __future__ import annotations
+
+import statistics
+
+from chatter_monitor.records import Event, Verdict
+from chatter_monitor.tracking.spindle import SpindleSettings
+from chatter_monitor.verdict.advice import advise
+
+# Relative distance within which frequencies belong to one vibration.
+SAME_VIBRATION = 0.1
+
+
+class EventLog:
+    """Joins the intervals of an alarm to an event when it ends.
+
+    Parameters
+    ----------
+    prefix : str
+        Start of the events' names, unique to this run of the monitor.
+    spindle : SpindleSettings
+        Speed, teeth and range of the machine, for advice.
+    """
+
+    def __init__(self, prefix: str, spindle: SpindleSettings) -> None:
+        self._prefix = prefix
+        self._spindle = spindle
+        self._intervals: dict[int, list[Verdict]] = {}
+        self._count = 0
+
+    def set_spindle(self, spindle: SpindleSettings) -> None:
+        """Advise for another speed or number of teeth."""
+        self._spindle = spindle
+
+    def follow(self, verdict: Verdict) -> Event | None:
+        """Take the next verdict of a channel; returns the event that it ends."""
+        if verdict.state == "self_excited":
+            self._intervals.setdefault(verdict.channel, []).append(verdict)
+            return None
+        if verdict.state == "unknown":  # deaf for a moment: neither goes on nor ends
+            return None
+        return self.finish(verdict.channel)
+
+    def finish(self, channel: int) -> Event | None:
+        """End the event that is under way on a channel, if there is one."""
+        intervals = self._intervals.pop(channel, [])
+        if not intervals:
+            return None
+        heard = [
+            (v.damping_ratio, v.frequency_hz)
+            for v in intervals
+            if v.damping_ratio is not None and v.frequency_hz is not None
+        ]
+        if not heard:
+            return None
+        # Another vibration may be meant for an interval, such as after a gap; the event is the one that lasts.
+        usual_hz = statistics.median(hertz for _, hertz in heard)
+        lasting = [(damping, hertz) for damping, hertz in heard if abs(hertz - usual_hz) <= SAME_VIBRATION * usual_hz]
+        damping_ratio, frequency_hz = min(lasting or heard)
+        recommendation = advise(frequency_hz, self._spindle)
+        self._count += 1
+        return Event(
+            id=f"{self._prefix}-{channel}-{self._count:04d}",
+            channel=channel,
+            kind="chatter",
+            onset_s=intervals[0].t0,
+            end_s=intervals[-1].t1,
+            peak_frequency_hz=frequency_hz,
+            min_damping_ratio=damping_ratio,
+            advice=list(recommendation.speeds),
+            remedy=recommendation.text,
+        )
