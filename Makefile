@@ -81,6 +81,7 @@ endif
 ifndef DESTDIR
 	ln -sf $(OPT)/bin/chatter-monitor /usr/local/bin/chatter-monitor
 	@echo "Compiling the kernels and trying them on a simulated cut; this takes about half a minute."
+	rm -rf $(CACHE)/kernels-* # those of earlier versions
 	NUMBA_CACHE_DIR=$(CACHE) $(OPT)/bin/chatter-monitor replay replay_data/bar_turning.flac
 	chown -R $(ACCOUNT):$(ACCOUNT) $(CACHE)
 	@if [ -d /run/systemd/system ]; then systemctl daemon-reload && systemctl try-restart chatter-monitor; fi
