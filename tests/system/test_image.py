@@ -58,6 +58,7 @@ def buildah(tmp_path_factory):
     LOG.info("%s", buildah("images"))
     yield buildah
     buildah("rm", "--all")
+    buildah("rmi", "--all", "--force")  # gigabytes
 
 
 @pytest.fixture(scope="module")
