@@ -250,6 +250,28 @@ def diagnose(
         click.echo(f"wrote {path}")
 
 
+@cli.command()
+@click.option("--cases", type=click.IntRange(min=1), default=300, show_default=True, help="How many to draw.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Same seed, same cases.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Directory; what is done there stays done.")
+@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes.")
+@JSON
+@DEBUG
+def prove(cases: int, seed: int, out: Path, jobs: int, as_json: bool) -> None:
+    """Hide physics in recordings, seal the key, diagnose them blindly, open the key, report."""
+    from chatter_monitor.discrepancy.prove.page import lines
+    from chatter_monitor.service.diagnosing import diagnose_file
+    from chatter_monitor.service.proving import Proving
+
+    proof = Proving(out, cases, seed, diagnose_file, jobs).run(lambda line: click.echo(line, err=as_json))
+    if as_json:
+        _print_json(proof.score)
+        return
+    for line in lines(proof.score):
+        click.echo(line)
+    click.echo(f"wrote {out / 'proof.json'} and {out / 'proof.html'}")
+
+
 class ListingGroup(click.Group):
     """Commands of which ``list`` is meant where none is named."""
 
