@@ -19,7 +19,7 @@ def report(verdict="none", terms=(), located=None, gain_nats=0.0):
         terms=list(terms),
         alternatives=[],
         information=[],
-        fit=Fit([], 0.0, 0.0, gain_nats, 0.0, 0.5, 0.5),
+        fit=Fit([(0.0, 10.0)], 0.0, 0.0, gain_nats, 0.0, 0.5, 0.5),
         calibration=Calibration({}, {}),
         elapsed_s=0.1,
     )

@@ -178,7 +178,11 @@ def _diagnose_case(diagnose: Diagnose, recording: Path, out: Path) -> None:
 
 
 def _read(report: Path) -> Report | None:
-    return msgspec.json.decode(report.read_bytes(), type=Report) if report.exists() else None
+    """The report; None where there is none, or none that keeps to its contract."""
+    try:
+        return msgspec.json.decode(report.read_bytes(), type=Report)
+    except (FileNotFoundError, msgspec.DecodeError):
+        return None
 
 
 @contextmanager

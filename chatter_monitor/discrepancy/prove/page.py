@@ -29,7 +29,7 @@ def lines(score: Score) -> Iterator[str]:
         yield f"{name:<52} {_spoken(rate)}"
     if score.gain_share:
         q = score.gain_share
-        yield f"{'gain over that of the true model, quartiles':<52} {q['q25']:.2f} {q['median']:.2f} {q['q75']:.2f}"
+        yield f"{'held-out gain over its bound, quartiles':<52} {q['q25']:.2f} {q['median']:.2f} {q['q75']:.2f}"
     for name, p in score.p_uniform.items():
         yield f"{f'p-values of the {name} map uniform: p':<52} {p:.3g}"
     if score.elapsed_s:
