@@ -51,7 +51,7 @@ class Judged(msgspec.Struct, frozen=True):
     gain_nats : float, optional
         Held-out gain.
     bound_nats : float, optional
-        Most that the true model can gain on the held-out stretches (`information_nats`).
+        Most that the true model can gain on the held-out half (`information_nats`).
     p_values : dict of str to float
         Of the maps of the base model.
     residual_white_p : float, optional
@@ -156,6 +156,7 @@ def judge(case: str, truth: Mapping[str, Any], report: Report | None) -> Judged:
         "seconds": truth["seconds"],
         "quantity": truth["quantity"],
         "concealed": truth["concealed"],
+        "bound_nats": information_nats(truth, 0.5 * truth["seconds"]),
     }
     if report is None:
         return Judged(answer="failed", outcome="failed", leads=False, sense_right=None, **fixed)
@@ -188,7 +189,6 @@ def judge(case: str, truth: Mapping[str, Any], report: Report | None) -> Judged:
         ratios=ratios,
         overlap=overlap(report.located.time_s, truth["time_s"]) if truth["time_s"] else None,
         gain_nats=report.fit.gain_nats,
-        bound_nats=information_nats(truth, sum(end - begin for begin, end in report.fit.held_out_s)),
         p_values={m.name: m.p_value for m in report.located.maps},
         residual_white_p=report.fit.residual_white_p_after,
         elapsed_s=report.elapsed_s,
