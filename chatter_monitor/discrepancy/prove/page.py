@@ -26,7 +26,8 @@ td.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}code{
 def lines(score: Score) -> Iterator[str]:
     """The table for the terminal."""
     for name, rate in score.rates.items():
-        yield f"{name:<52} {_spoken(rate)}"
+        if rate.of:
+            yield f"{name:<52} {_spoken(rate)}"
     if score.gain_share:
         q = score.gain_share
         yield f"{'held-out gain over its bound, quartiles':<52} {q['q25']:.2f} {q['median']:.2f} {q['q75']:.2f}"

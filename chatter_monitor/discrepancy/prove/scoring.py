@@ -220,7 +220,7 @@ def count(judged: Sequence[Judged]) -> Score:
         "effects named, right one first": _rate(j.leads for j in hidden),
         "effects named, concealed cases": _rate(j.outcome == "right" for j in hidden if j.concealed),
         "effects named, visible cases": _rate(j.outcome == "right" for j in hidden if not j.concealed),
-        "effects named where up to 10 nats or more are to gain": _rate(j.outcome == "right" for j in telling),
+        "effects named where 10 nats or more could be gained": _rate(j.outcome == "right" for j in telling),
         "effects named wrongly": _rate(j.outcome == "wrong" for j in hidden),
         "effects answered unknown": _rate(j.outcome == "abstained" for j in hidden),
         "effects missed": _rate(j.outcome == "missed" for j in hidden),
