@@ -33,6 +33,7 @@ def truth(kind="cubic hardening", family="catalogue", verdict="missing_physics",
         "seconds": 20.0,
         "quantity": "velocity",
         "concealed": True,
+        "concealment": {"distance": 0.031, "band95": 0.035, "normality_p": 0.4},
         "frequency_hz": 400.0,
         "damping_ratio": 0.02,
         "rms_displacement": 1.0,
@@ -226,6 +227,7 @@ def test_the_page_holds_everything(proof):
     text = page(judged, count(judged), result.key_sha256, 13)
     assert result.key_sha256 in text
     assert text.count("data:image/png;base64,") == 3
+    assert "0.031 (0.035)" in text
     assert not re.search(r'src="(?!data:)', text)
     for j in judged:
         assert f"diagnoses/{j.case}/report.html" in text

@@ -42,6 +42,9 @@ class Judged(msgspec.Struct, frozen=True):
         Of a hidden force.
     concealed : bool
         Neither spectrum nor distribution gave it away.
+    distance, band95, normality_p : float
+        Log-spectral distance from the best linear simulation, the 95 % quantile of linear recordings, and the p-value
+        of the test for normality.
     inside : dict of str to bool
         For each true parameter of a term rightly named, whether the 95 % interval holds it.
     ratios : dict of str to float
@@ -72,6 +75,9 @@ class Judged(msgspec.Struct, frozen=True):
     seconds: float
     quantity: str
     concealed: bool
+    distance: float
+    band95: float
+    normality_p: float
     inside: dict[str, bool] = {}
     ratios: dict[str, float] = {}
     overlap: float | None = None
@@ -156,6 +162,7 @@ def judge(case: str, truth: Mapping[str, Any], report: Report | None) -> Judged:
         "seconds": truth["seconds"],
         "quantity": truth["quantity"],
         "concealed": truth["concealed"],
+        **{name: truth["concealment"][name] for name in ("distance", "band95", "normality_p")},
         "bound_nats": information_nats(truth, 0.5 * truth["seconds"]),
     }
     if report is None:
