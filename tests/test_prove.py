@@ -254,6 +254,7 @@ def test_information_is_what_the_path_holds():
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_the_command(run, tmp_path):
     """`prove` puts `diagnose` itself to the test: nothing is answered `none`, a softening spring by its name."""
     code, out, err = run("prove", "--cases", 2, "--seed", 13, "--out", tmp_path, "--json")

@@ -183,6 +183,7 @@ def test_concealment_tells():
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_concealment_of_nothing():
     """Linear recordings look visible by their spectrum in about 5 % of cases and by their distribution in about 5 %."""
     machine = Machine(600.0, 0.02)
