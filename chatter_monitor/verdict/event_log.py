@@ -7,9 +7,7 @@ import statistics
 from chatter_monitor.records import Event, Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict.advice import advise
-
-# Relative distance within which frequencies belong to one vibration.
-SAME_VIBRATION = 0.1
+from chatter_monitor.verdict.judge import SAME_VIBRATION
 
 
 class EventLog:

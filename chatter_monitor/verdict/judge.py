@@ -21,6 +21,9 @@ DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 # Weight of an interval in the average of the synchronous share: half a second of intervals.
 AVERAGING = 0.1
 
+# Relative distance within which frequencies belong to one vibration.
+SAME_VIBRATION = 0.1
+
 Probability = Annotated[float, msgspec.Meta(gt=0, lt=1)]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 
@@ -70,6 +73,8 @@ class Memory:
         What the vibration is, by all that was seen.
     alarm : bool
         Whether an alarm is running.
+    chatter_hz : float or None
+        Frequency of the vibration that the running alarm is about, where it was last heard.
     synchronous : float
         Share of the power that turns with the spindle, averaged over the last half second.
     """
@@ -77,6 +82,7 @@ class Memory:
     loudest: float = 0.0
     kinds: Kinds = PRIOR
     alarm: bool = False
+    chatter_hz: float | None = None
     synchronous: float = 0.0
 
 
@@ -110,6 +116,13 @@ def suspect(evidence: Evidence) -> Suspect:
     steady, calm = max(seen, key=lambda pair: pair[1].calm)
     main = most if growing.growth > calm.calm else steady
     return Suspect(main, Likeness(growing.growth, calm.calm))
+
+
+def heard_again(evidence: Evidence, frequency_hz: float) -> Vibration | None:
+    """The vibration that an alarm is about; its harmonics and side lines may look more like chatter than itself."""
+    distances = [(abs(math.log(v.line.frequency_hz / frequency_hz)), v) for v in evidence.vibrations]
+    distance, vibration = min(distances, key=lambda pair: pair[0], default=(math.inf, None))
+    return vibration if distance < SAME_VIBRATION else None
 
 
 def opinion(evidence: Evidence, memory: Memory, found: Suspect, settings: JudgeSettings) -> Opinion:
@@ -208,7 +221,7 @@ class Judge:
         if deaf:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif evidence.held or evidence.rms <= settings.idle_ratio * memory.loudest:
-            memory = replace(memory, kinds=PRIOR, alarm=False)
+            memory = replace(memory, kinds=PRIOR, alarm=False, chatter_hz=None)
             view = Opinion("idle", 0.95, ("nothing moves" if evidence.held else "far below the level of cutting",))
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
@@ -218,7 +231,15 @@ class Judge:
             kinds = follow(memory.kinds, found.likeness, on_order=on_order)
             least = settings.calm_probability if memory.alarm else settings.alarm_probability
             share = memory.synchronous + AVERAGING * (evidence.orders.synchronous_share - memory.synchronous)
-            memory = replace(memory, kinds=kinds, alarm=kinds.self_excited >= least, synchronous=share)
+            alarm = kinds.self_excited >= least
+            chatter_hz = memory.chatter_hz
+            if alarm and chatter_hz is not None:
+                found = replace(found, vibration=heard_again(evidence, chatter_hz))
+            if alarm and found.vibration is not None:
+                chatter_hz = found.vibration.line.frequency_hz
+            memory = replace(
+                memory, kinds=kinds, alarm=alarm, chatter_hz=chatter_hz if alarm else None, synchronous=share
+            )
             view = opinion(evidence, memory, found, settings)
         self._memory = memory
         return self._record(view, evidence, first_sample, samples, sample_rate_hz)
@@ -259,6 +280,8 @@ class Judge:
 def _meant(view: Opinion, evidence: Evidence) -> tuple[float | None, ModeEvidence | None]:
     """Frequency and mode of the vibration that a verdict is about."""
     if view.state in ("idle", "unknown"):
+        return None, None
+    if view.state == "self_excited" and view.vibration is None:  # no other mode is what the alarm is about
         return None, None
     if view.vibration is not None:
         return view.vibration.line.frequency_hz, view.vibration.mode
