@@ -12,7 +12,7 @@ from chatter_monitor.outlets.event_files import Origin
 from chatter_monitor.outlets.flight_recorder import FlightRecorder
 from chatter_monitor.outlets.publisher import Clock
 from chatter_monitor.records import Block, Event, Odp, OdpFrame, State, Verdict
-from chatter_monitor.verdict.judge import EventLog
+from chatter_monitor.verdict.event_log import EventLog
 
 RATE_HZ = 12_800.0
 INTERVAL = 640

@@ -1,0 +1,173 @@
+"""The hidden Markov chain of what a vibration is, with likelihoods made up: no trained weight takes part."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from chatter_monitor.tracking.spectrum import Line
+from chatter_monitor.verdict.kinds import CONVINCING, NOTHING, PRIOR, Kinds, Likeness, follow, likeness, measures
+
+FRAMES_PER_S = 20
+GROWS = Likeness(growth=CONVINCING, calm=0.0)
+STEADY = Likeness(growth=-CONVINCING, calm=CONVINCING)
+
+
+def followed(*frames, begin=PRIOR, on_order=False):
+    """Probabilities after each frame."""
+    history = []
+    for seen in frames:
+        begin = follow(begin, seen, on_order=on_order)
+        history.append(begin)
+    return history
+
+
+def frames_until(condition, seen, *, begin=PRIOR, on_order=False, most=1000):
+    """Number of equal frames until a condition holds."""
+    for count in range(1, most):
+        begin = follow(begin, seen, on_order=on_order)
+        if condition(begin):
+            return count
+    return most
+
+
+def test_before_anything_is_known_it_is_noise():
+    """The prior is a distribution in which noise is likely and chatter is not."""
+    assert sum(PRIOR) == pytest.approx(1.0)
+    assert PRIOR.noise > 0.9 > 0.01 > PRIOR.self_excited
+
+
+@pytest.mark.parametrize("on_order", [True, False])
+def test_a_frame_that_says_nothing_moves_little(on_order):
+    """Where every kind is as likely, a frame only lets the chain take its step: no probability jumps."""
+    step = follow(PRIOR, Likeness(0.0, 0.0), on_order=on_order)
+    np.testing.assert_allclose(step, PRIOR, atol=5e-3)
+
+
+def test_a_calm_line_from_the_start_is_forced():
+    """What is coherent and steady from the first frame on was not seen to grow: forced, however long it lasts."""
+    history = followed(*[STEADY] * 60 * FRAMES_PER_S)
+    assert all(kinds.forced > 0.9 for kinds in history[FRAMES_PER_S:])
+    assert all(kinds.self_excited < 0.1 for kinds in history)
+
+
+def test_growth_makes_it_self_excited():
+    """Growth for half a second out of noise is an alarm, and growing until it is steady."""
+    history = followed(*[GROWS] * 10)
+    assert history[-1].self_excited > 0.99
+    assert history[-1].growing > history[-1].saturated
+
+
+def test_growth_then_calm_stays_self_excited():
+    """What was seen to grow is chatter for as long as it stays, though it looks like a forced line by then."""
+    history = followed(*[GROWS] * 10, *[STEADY] * 10 * 60 * FRAMES_PER_S)[10:]
+    assert min(kinds.self_excited for kinds in history) > 0.9
+    assert history[-1].saturated > 0.9
+
+
+def test_growth_on_an_order_needs_more():
+    """On an order of the spindle growth must be seen for longer before it counts, but counts in the end."""
+    noise = followed(*[NOTHING] * 100)[-1]
+    away, on = (
+        frames_until(lambda kinds: kinds.self_excited > 0.8, GROWS, begin=noise, on_order=order)
+        for order in (False, True)
+    )
+    assert away < on < 2 * FRAMES_PER_S
+
+
+def test_growth_of_a_forced_line_counts():
+    """A line that was steady for a minute and then grows by itself is self-excited within half a second."""
+    forced = followed(*[STEADY] * 60 * FRAMES_PER_S)[-1]
+    assert frames_until(lambda k: k.self_excited > 0.8, GROWS, begin=forced) <= FRAMES_PER_S // 2
+
+
+@pytest.mark.parametrize("before", [[GROWS] * 20, [GROWS] * 20 + [STEADY] * 1200, [STEADY] * 1200])
+def test_silence_ends_it(before):
+    """When the line is gone it is noise again within half a second, whatever it was and however long."""
+    last = followed(*before)[-1]
+    assert frames_until(lambda k: k.noise > 0.9, NOTHING, begin=last) <= FRAMES_PER_S // 2
+
+
+def test_one_frame_is_no_alarm():
+    """A single frame of whatever looks most like growth does not make it more likely than not."""
+    assert followed(GROWS)[0].self_excited < 0.5
+
+
+@pytest.mark.parametrize(
+    "extreme",
+    [
+        [Likeness(CONVINCING, CONVINCING)],
+        [Likeness(-CONVINCING, -CONVINCING)],
+        [GROWS, NOTHING, STEADY],
+        [STEADY] * 100 + [GROWS] * 3 + [NOTHING] * 100,
+    ],
+)
+def test_an_hour_of_extreme_evidence(extreme):
+    """After an hour of it every kind still has a probability above zero, and they sum to one."""
+    history = np.array(followed(*extreme * (3600 * FRAMES_PER_S // len(extreme))))
+    assert np.isfinite(history).all()
+    assert (history > 0.0).all()
+    np.testing.assert_allclose(history.sum(axis=1), 1.0, atol=1e-12)
+
+
+bounded = st.floats(-CONVINCING, CONVINCING)
+seen = st.builds(Likeness, bounded, bounded)
+
+
+@settings(max_examples=300, derandomize=True, deadline=None)
+@given(st.lists(st.tuples(seen, st.booleans()), min_size=1, max_size=60))
+def test_always_a_distribution(history):
+    """For any history the probabilities are finite, within 0 and 1, and sum to one."""
+    kinds = PRIOR
+    for each, on_order in history:
+        kinds = follow(kinds, each, on_order=on_order)
+        assert all(0.0 < p < 1.0 for p in kinds)
+        assert sum(kinds) == pytest.approx(1.0, abs=1e-12)
+
+
+@settings(max_examples=300, derandomize=True, deadline=None)
+@given(st.tuples(*[st.floats(1e-6, 1.0)] * 4), seen, st.floats(0.1, 4.0), st.booleans())
+def test_more_growth_is_more_growing(weights, before, more, on_order):
+    """Of two frames alike but for growth, the one with more of it makes growing likelier, and nothing else."""
+    kinds = Kinds(*(w / sum(weights) for w in weights))
+    less, grown = (
+        follow(kinds, Likeness(g, before.calm), on_order=on_order) for g in (before.growth, before.growth + more)
+    )
+    assert grown.growing > less.growing
+    assert all(a <= b for a, b in zip(grown[::2] + grown[3:], less[::2] + less[3:], strict=True))
+
+
+LINE = Line(
+    frequency_hz=1000.0, share=0.5, prominence_db=20.0, variation=0.3, growth_per_s=20.0, growth_sd_per_s=1.0,
+    rise=0.7, long_rise=1.5, coherence=(0.9, 0.8, 0.7, 0.6),
+)  # fmt: skip
+
+
+def test_measures_are_what_the_docstring_says():
+    """Each measure of a line by hand."""
+    growth_percent = 100.0 * 20.0 / (2.0 * math.pi * 1000.0)
+    expected = (2.0, 0.0, -math.log(0.11), 0.3, 0.7, 1.5, 0.0, growth_percent, math.log10(0.021))
+    assert measures(LINE, 0.02) == pytest.approx(expected)
+    assert measures(replace(LINE, growth_per_s=-20.0), 0.02)[6:8] == pytest.approx((-growth_percent, 0.0))
+
+
+values = st.floats(allow_nan=False)
+
+
+@settings(max_examples=300, derandomize=True, deadline=None)
+@given(
+    st.builds(
+        Line, st.floats(50.0, 6400.0), st.floats(0.0, 1.0), values, st.floats(0.0), values, values, values, values,
+        st.tuples(*[st.floats(0.0, 1.0)] * 4),
+    ),
+    st.none() | values,
+)  # fmt: skip
+def test_no_line_says_more_than_a_frame_may(line, damping_ratio):
+    """Whatever is measured, the likeness is finite and bounded."""
+    for value in (likeness(line, damping_ratio).growth, likeness(line, damping_ratio).calm):
+        assert -CONVINCING <= value <= CONVINCING
