@@ -41,6 +41,8 @@ class Augmented:
         Of the augmented model on the recording.
     parameters : list of dict of str to (float, float)
         For each added term, its parameters with their standard deviations.
+    columns : list of ndarray of float64, shape (n,)
+        Signatures of everything that was fitted.
     gain_nats : float
         Gain of the whitened likelihood over the base model, on all samples, errors of the nonlinear filter itself.
     """
@@ -48,6 +50,7 @@ class Augmented:
     system: MachiningSystem
     innovations: Innovations
     parameters: list[dict[str, tuple[float, float]]]
+    columns: list[Vector]
     gain_nats: float
 
 
@@ -64,6 +67,7 @@ def augment(case: Case, found: Sequence[AppliedTerm]) -> Augmented:
     linear, terms = case.innovations.linear, [*case.innovations.terms, *found]
     first = len(case.innovations.terms)
     parameters: list[dict[str, tuple[float, float]]] = [{} for _ in found]
+    columns: list[Vector] = []
     best: tuple[float, Innovations, Linear, list[AppliedTerm]] = (math.inf, case.innovations, linear, terms)
     for _ in range(STEPS + 1):
         inn = Innovations(case.recorded, linear, terms)
@@ -87,7 +91,7 @@ def augment(case: Case, found: Sequence[AppliedTerm]) -> Augmented:
         for name in known:
             known[name] = (terms[first + term].parameters[name], known[name][1])
     gain = _loss(case.innovations, weight) - best[0]
-    return Augmented(calibrated(case, linear, terms), inn, parameters, gain)
+    return Augmented(calibrated(case, linear, terms), inn, parameters, columns, gain)
 
 
 def _loss(inn: Innovations, weight: Vector) -> float:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from chatter_monitor.discrepancy.augment import Augmented, augment, calibrated
 from chatter_monitor.discrepancy.basis import scales, surface_at
-from chatter_monitor.discrepancy.diagnosis import BLOCK_S, SURE, Case, Local
+from chatter_monitor.discrepancy.diagnosis import BLOCK_S, SURE, Case, Local, examine_rest
 from chatter_monitor.discrepancy.faults import Clipping, Line, restlessness
 from chatter_monitor.discrepancy.locate import lag_map, whiteness_p
 from chatter_monitor.discrepancy.name import Scored
@@ -129,12 +130,22 @@ def conclude(case: Case) -> Diagnosis:
     found = [_applied(scored) for scored in case.named]
     delayed = list(case.innovations.terms[len(case.system.terms) :])
     if found:
-        augmented = augment(case, found)
+        augmented = augment(case, found[:1])
+        case.rest, plane = examine_rest(case, augmented.innovations, augmented.columns)
+        if min(each.p_value for each in plane) > MAPPED_P:
+            # Further terms stood for what the first, fitted fully, explains.
+            case.named, found = case.named[:1], found[:1]
+        if len(found) > 1:
+            augmented = augment(case, found)
+            case.rest, plane = examine_rest(case, augmented.innovations, augmented.columns)
+        case.rest_maps = [next((p for p in plane if p.name == m.name), m) for m in case.rest_maps]
         for scored, parameters in zip(case.named, augmented.parameters, strict=True):
             findings.append(_finding(scored, parameters))
     elif delayed or case.base.omissions:
         terms = [*case.system.terms, *delayed]
-        augmented = Augmented(calibrated(case, linear, terms), case.innovations, [], case.base.omissions[0].gain_nats)
+        augmented = Augmented(
+            calibrated(case, linear, terms), case.innovations, [], [], case.base.omissions[0].gain_nats
+        )
     if case.local is not None:
         findings.append(_local_finding(case, case.local))
     maps = {each.name: each for each in case.rest_maps}
@@ -255,16 +266,36 @@ def _inside(case: Case, blocks: tuple[int, int]) -> NDArray[np.bool_]:
 def _unexplained(case: Case, maps: dict[str, Statistic], something: bool) -> list[str]:
     """What is located and not named, in words."""
     strange = []
-    named = sum(max(scored.held_out_nats, 0.0) for scored in case.named)
+    named = sum(max(scored.evidence_nats, 0.0) for scored in case.named)
+    left = max(_excess_nats(maps["phase_plane"]), _excess_nats(maps["amplitude"]))
     surface = min(maps["phase_plane"].p_value, maps["amplitude"].p_value) < MAPPED_P
-    strong = case.rest.held_out_nats > max(REST_NATS, REST_SHARE * named)
-    if surface and case.local is None and (strong or not (case.named or something)):
+    strong = left > max(REST_NATS, REST_SHARE * named)
+    if surface and case.local is None and (strong if case.named else not something):
         strange.append("a force that depends on displacement and velocity like nothing in the catalogue")
-    if maps["angle"].p_value < MAPPED_P and not any(o.name == "second_mode" for o in case.base.omissions):
+    if maps["angle"].p_value < MAPPED_P:
         strange.append("a stiffness that swings periodically")
     if maps["lag"].p_value < MAPPED_P and not case.tones:
         strange.append("innovations that are correlated over a long lag")
     return strange
+
+
+def _excess_nats(statistic: Statistic) -> float:
+    """What a map explains beyond what chance does with as many degrees of freedom."""
+    return 0.5 * (statistic.value - _freedom(statistic))
+
+
+def _freedom(statistic: Statistic) -> float:
+    """Degrees of freedom that belong to a value and its p-value."""
+    if not 0.0 < statistic.p_value < 1.0:
+        return 0.0
+    low, high = 0.5, 200.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if float(stats.chi2.sf(statistic.value, middle)) < statistic.p_value:
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 def _located(case: Case, findings: Sequence[Finding], strange: Sequence[str]) -> Located:

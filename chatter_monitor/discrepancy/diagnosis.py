@@ -14,8 +14,17 @@ from chatter_monitor.discrepancy.band import Recorded, within_band
 from chatter_monitor.discrepancy.candidates import Candidate, candidates
 from chatter_monitor.discrepancy.ceiling import Surface, ceiling
 from chatter_monitor.discrepancy.evidence import Evidence
-from chatter_monitor.discrepancy.faults import Clipping, Line, Restlessness, clipping, lines, restlessness, silent
-from chatter_monitor.discrepancy.innovations import Innovations, known_forces
+from chatter_monitor.discrepancy.faults import (
+    Clipping,
+    Line,
+    Restlessness,
+    clipping,
+    lines,
+    restlessness,
+    silent,
+    slow_drift,
+)
+from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.linear import Base, calibrate, fit_base
 from chatter_monitor.discrepancy.locate import (
     Modulation,
@@ -27,9 +36,7 @@ from chatter_monitor.discrepancy.locate import (
 from chatter_monitor.discrepancy.name import LESS_NATS, PRICE_NATS, Contest, Scored, stretch
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.report import Statistic
-from chatter_monitor.discrepancy.whitening import whitened
 from chatter_monitor.errors import InputError
-from chatter_monitor.kernels.signatures import Motion, observe
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Mode
 from chatter_monitor.physics.terms import CATALOGUE
@@ -170,12 +177,13 @@ def examine(whole: Recorded, system: MachiningSystem, progress: Callable[[str], 
     sensor = system.sensor
     given = Linear(system.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, system.spindle)
     tones: list[Line] = []
+    offset_p = 1.0
     if clipped is None or clipped.samples <= MOST_CLIPPED * whole.samples.size:
-        recorded, tones = _without_tones(recorded, given)
+        recorded, tones, offset_p = _cleaned(recorded, given)
     base = fit_base(recorded, given)
     progress("innovations")
     innovations = Innovations(recorded, *_as_model(base, system))
-    case = Case(system, whole, recorded, base, innovations, clipped, tones)
+    case = Case(system, whole, recorded, base, innovations, clipped, tones, offset_p=offset_p)
     if clipped is not None and clipped.samples > MOST_CLIPPED * whole.samples.size:
         case.maps = [frequency_map(base.spectrum, base.fitted)[0]]
         return case
@@ -186,18 +194,27 @@ def examine(whole: Recorded, system: MachiningSystem, progress: Callable[[str], 
     return case
 
 
-def _without_tones(recorded: Recorded, given: Linear) -> tuple[Recorded, list[Line]]:
-    """Take out tones, which stand out of the innovations of a first calibration: no mode is to be bent towards them."""
-    first = Innovations(recorded, calibrate(recorded, given).linear)
+def _cleaned(recorded: Recorded, given: Linear) -> tuple[Recorded, list[Line], float]:
+    """Take out a drifting offset, and tones that stand out of the innovations of a first calibration.
+
+    No mode is to be bent towards them. The p-value is that of the drift.
+    """
+    fitted = calibrate(recorded, given)
+    expected = 0.5 * fitted.lowest_density * recorded.rate_hz
+    drift, offset_p = slow_drift(recorded.samples, recorded.missing, expected)
+    if offset_p < SURE:
+        recorded = replace(recorded, samples=recorded.samples - drift)
+    first = Innovations(recorded, fitted.linear)
     tones = lines(np.where(first.used, first.white, 0.0), recorded.rate_hz)
     if not tones:
-        return recorded, tones
+        return recorded, tones, offset_p
     t = np.arange(recorded.samples.size)
     turns = [2.0 * np.pi * tone.frequency_hz / recorded.rate_hz * t for tone in tones]
     waves = np.column_stack([wave(turn) for turn in turns for wave in (np.cos, np.sin)])
     present = ~recorded.missing
     amplitudes = np.linalg.lstsq(waves[present], recorded.samples[present], rcond=None)[0]
-    return replace(recorded, samples=np.where(present, recorded.samples - waves @ amplitudes, 0.0)), tones
+    cleaned = replace(recorded, samples=np.where(present, recorded.samples - waves @ amplitudes, 0.0))
+    return cleaned, tones, offset_p
 
 
 def _as_model(base: Base, system: MachiningSystem) -> tuple[Linear, list[AppliedTerm]]:
@@ -233,8 +250,6 @@ def _gather(case: Case) -> None:
     for tone in case.tones:
         turn = 2.0 * np.pi * tone.frequency_hz / recorded.rate_hz * t
         add("nuisance", [np.cos(turn), np.sin(turn)])
-    slow = [np.cos(np.pi * k * (t + 0.5) / t.size) for k in range(1, 4)]
-    add("offset", [_seen(inn, wave) for wave in slow])
     sd_x, sd_v = basis.scales(motion)
     present = [applied.term.name for applied in case.system.terms]
     entries = [
@@ -253,9 +268,6 @@ def _gather(case: Case) -> None:
     case.evidence = Evidence(inn.white, matrix, weight, groups["nuisance"], block)
     case.columns = groups
     case.swing = modulation(inn, weight, matrix[0])
-    case.offset_p = subspace_map("offset", case.evidence, groups["offset"]).p_value
-    if case.offset_p < SURE:
-        case.evidence.nuisance = [*case.evidence.nuisance, *groups["offset"]]
     case.contest, case.matrix = Contest(case.evidence, entries), matrix
 
 
@@ -285,21 +297,15 @@ def _with(modes: tuple[Mode, ...], i: int, mode: Mode) -> tuple[Mode, ...]:
     return (*modes[:i], mode, *modes[i + 1 :])
 
 
-def _seen(inn: Innovations, added: Vector) -> Vector:
-    """What something added by the sensor becomes in the whitened errors."""
-    errors = np.empty(added.size)
-    motion = Motion(*(np.zeros((2, added.size)) for _ in range(3)))
-    observe(inn.observer, known_forces(()), added, inn.recorded.missing, errors, motion)
-    return whitened(errors, inn.taps)
-
-
 def _decide(case: Case) -> None:
     """Names, the ceiling, and a stretch that holds what the whole does not."""
     evidence = case.evidence
     case.named, case.ranking = case.contest.run()
     case.ceiling = ceiling(evidence, case.columns["surface"], case.training)
-    if not case.named:
+    if not case.named or subspace_map("time", evidence, case.columns["time"]).p_value < SURE:
         case.local = _local(case)
+        if case.local is not None:
+            case.named = [each for each in case.named if each.candidate.name != case.local.candidate.name]
     given = [column for scored in case.named for column in scored.columns]
     case.maps = _maps(case, evidence)
     before = evidence.nuisance
@@ -307,6 +313,36 @@ def _decide(case: Case) -> None:
     case.rest = ceiling(evidence, case.columns["surface"], case.training)
     case.rest_maps = _maps(case, evidence)
     evidence.nuisance = before
+
+
+def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector]) -> tuple[Surface, list[Statistic]]:
+    """Look again for static and for amplitude-dependent forces, in the innovations of an augmented model.
+
+    Parameters
+    ----------
+    case : Case
+    inn : Innovations
+        Of the augmented model, about which everything is linear again.
+    fitted : sequence of ndarray of float64, shape (n,)
+        Signatures of all parameters that were fitted.
+
+    Returns
+    -------
+    Surface
+        What any static force would add.
+    list of Statistic
+        Maps over the phase plane and over the amplitude.
+    """
+    surface, amplitude = basis.surface(inn), basis.by_amplitude(inn)
+    first, second = len(fitted), len(fitted) + len(surface)
+    columns = np.array([*fitted, *surface, *amplitude])
+    evidence = Evidence(inn.white, columns, case.weight, list(range(first)), case.evidence.block)
+    plane = list(range(first, second))
+    maps = [
+        subspace_map("phase_plane", evidence, plane),
+        subspace_map("amplitude", evidence, list(range(second, len(columns)))),
+    ]
+    return ceiling(evidence, plane, case.training), maps
 
 
 def _maps(case: Case, evidence: Evidence) -> list[Statistic]:

@@ -18,6 +18,7 @@ SIGNIFICANT = 1e-6
 SWELL_S = 0.1  # resolution of the local size of the errors
 _LEAST_SWELL = 0.05  # relative spread of the local variance, beyond chance, worth a word
 _LEAST_KURTOSIS = 0.3
+DRIFT_ORDER = 5  # of the polynomials that a drifting offset is made of
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +116,38 @@ def restlessness(whitened: Vector, used: NDArray[np.bool_], rate_hz: float) -> R
         gain = float(np.sum(np.log(sd / scale[used])) + 0.5 * np.sum(z**2 - (whitened / scale)[used] ** 2))
         return Restlessness("impacts", p_tails, gain, np.asarray(scale), depth, excess)
     return Restlessness(None, min(p_tails, p_swell), 0.0, scale, depth, excess)
+
+
+def slow_drift(samples: Vector, missing: NDArray[np.bool_], expected: float) -> tuple[Vector, float]:
+    """Slow polynomials in a recording, and how often chance makes as much of them.
+
+    Parameters
+    ----------
+    samples : ndarray of float64, shape (n,)
+    missing : ndarray of bool, shape (n,)
+    expected : float
+        Variance of the projection on a wave of unit norm that the machine itself has near 0 Hz.
+
+    Returns
+    -------
+    ndarray of float64, shape (n,)
+        Their sum.
+    float
+        p-value.
+    """
+    present = ~missing
+    t = np.linspace(-1.0, 1.0, samples.size)
+    # Without the window the ends of the recording would carry the mode itself into the polynomials.
+    window = np.cos(0.5 * np.pi * t) ** 2 * present
+    polynomials = np.polynomial.legendre.legvander(t, DRIFT_ORDER)
+    slow, _ = np.linalg.qr(window[:, None] * polynomials)
+    projections = slow.T @ samples
+    # QR puts the mean first: what is left of the others is not the mean's.
+    value = float(np.sum(projections[1:] ** 2)) / expected
+    normal = polynomials.T @ (window[:, None] * polynomials)
+    drift = polynomials @ np.linalg.solve(normal, polynomials.T @ (window * samples))
+    drift = np.where(present, drift, 0.0)
+    return drift, float(stats.chi2.sf(value, DRIFT_ORDER))
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,9 @@ from chatter_monitor.physics.parts import Mode, Quantity, Spindle
 
 Matrix = NDArray[np.float64]
 
+LEAST_NOISE = 1e-9
+FORGETS = 0.9995  # share of an error that may be left a sample later
+
 
 @dataclass(frozen=True, slots=True)
 class Linear:
@@ -64,9 +67,9 @@ def observer(linear: Linear, rate_hz: float) -> Observer:
     step_s = 1.0 / rate_hz
     phi, begin, end = _hold(A, force, step_s)
     # White noise that is sampled folds its whole spectrum into the band, a recording does not: it has been filtered.
-    # Displacement falls off fast enough for that not to matter. For the others the force is a random number per sample,
-    # which keeps the zeros of their response at 0 Hz: held for a velocity; joined by straight lines, with a state of its
-    # own, for what feels the force itself.
+    # Displacement falls off fast enough for that not to matter. For the others the force is a random number per
+    # sample, which keeps the zeros of their response at 0 Hz: held for a velocity; joined by straight lines, with a
+    # state of its own, for what feels the force itself.
     match linear.quantity:
         case "displacement":
             Q = _noise(A, force, step_s)
@@ -80,10 +83,7 @@ def observer(linear: Linear, rate_hz: float) -> Observer:
             H, tool = np.append(H, size * D), np.pad(tool, ((0, 0), (0, 1)))
             begin, end = np.append(begin, 0.0), np.append(end, 0.0)
     Q /= float(H @ linalg.solve_discrete_lyapunov(phi, Q) @ H)
-    R = np.array([[max(linear.noise, 1e-9)]])
-    ahead = linalg.solve_discrete_are(phi.T, H[:, None], Q, R)
-    S = float(H @ ahead @ H + R[0, 0])
-    K = ahead @ H / S
+    ahead, S, K = _steady(phi, Q, H, max(linear.noise, LEAST_NOISE))
     after = ahead - np.outer(K, K) * S
     spread = _root(tool @ after @ tool.T / S)
     spindle = linear.spindle
@@ -96,6 +96,22 @@ def observer(linear: Linear, rate_hz: float) -> Observer:
 def sized(steady: Observer, error_sd: float) -> Observer:
     """The observer with the spread of the state that belongs to prediction errors of that standard deviation."""
     return steady._replace(spread=steady.spread * error_sd)
+
+
+def _steady(phi: Matrix, Q: Matrix, H: Matrix, noise: float) -> tuple[Matrix, float, Matrix]:
+    """Covariance before a sample is seen, variance of its error, and gain.
+
+    With hardly any noise the filter of a sensor that does not see 0 Hz forgets nothing; it then gets the least noise
+    with which it does.
+    """
+    while True:
+        ahead = linalg.solve_discrete_are(phi.T, H[:, None], Q, np.array([[noise]]))
+        S = float(H @ ahead @ H + noise)
+        K = ahead @ H / S
+        closed = phi - np.outer(phi @ K, H)
+        if np.max(np.abs(np.linalg.eigvals(closed))) < FORGETS or noise > 1.0:
+            return ahead, S, K
+        noise *= 4.0
 
 
 def _continuous(linear: Linear) -> tuple[Matrix, Matrix, Matrix, float, Matrix]:

@@ -62,6 +62,8 @@ class SpectralFit:
         Logarithm of the force's one-sided density.
     noise_density : float
         One-sided density of the sensor's noise.
+    lowest_density : float
+        One-sided density of the recording towards 0 Hz.
     """
 
     linear: Linear
@@ -74,6 +76,7 @@ class SpectralFit:
     regeneration_at: int
     level: float
     noise_density: float
+    lowest_density: float
 
 
 def periodogram(recorded: Recorded, width_hz: float) -> Periodogram:
@@ -261,4 +264,5 @@ def fit(spectrum: Periodogram, start: Linear, *, colours: int = COLOURS, fixed_m
         density.regeneration_at,
         level,
         density.noise(linear) * math.exp(level),
+        math.exp(float(log_s[0])),
     )
