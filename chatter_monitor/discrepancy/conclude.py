@@ -14,6 +14,7 @@ from chatter_monitor.discrepancy.augment import Augmented, augment, calibrated
 from chatter_monitor.discrepancy.basis import scales, surface_at
 from chatter_monitor.discrepancy.diagnosis import BLOCK_S, SURE, Case, Local, examine_rest
 from chatter_monitor.discrepancy.faults import Clipping, Line, restlessness
+from chatter_monitor.discrepancy.linear import Omission
 from chatter_monitor.discrepancy.locate import lag_map, whiteness_p
 from chatter_monitor.discrepancy.name import Scored
 from chatter_monitor.discrepancy.report import (
@@ -36,6 +37,7 @@ MAPPED_P = 1e-5  # of a map that nothing explains
 REST_SHARE = 0.2  # of a named term's held-out gain that an unnamed static force may add
 REST_NATS = 6.0
 DETECT_NATS = 10.0
+HARMONIC_WIDTH = 0.1  # about the orders 2 and 3 of the mode
 _MAINS_HZ = (50.0, 60.0)
 _SENSES = {
     "cubic_stiffness": ("hardening", "softening"),
@@ -120,7 +122,7 @@ def conclude(case: Case) -> Diagnosis:
     findings += _merged([each for each in tones if each is not None])
     if any(each is None for each in tones):
         strange.append("a tone that belongs neither to the spindle nor to the mains")
-    findings += [_omission(case, name) for name in (o.name for o in case.base.omissions)]
+    findings += [_omission(case, o.name) for o in case.base.omissions if not _harmonic(case, o)]
     if case.offset_p < SURE:
         findings.append(_plain("offset_drift", None, {}, 0.0, case.offset_p))
     rest = restlessness(case.explained(), case.innovations.used, case.recorded.rate_hz)
@@ -190,6 +192,15 @@ def _clipping(clipped: Clipping) -> Finding:
 
 def _estimate(value: float, sd: float, unit: str) -> Estimate:
     return Estimate(float(value), (float(value - 1.96 * sd), float(value + 1.96 * sd)), unit)
+
+
+def _harmonic(case: Case, omission: Omission) -> bool:
+    """Whether a second mode is a harmonic that a named force makes of the first."""
+    if omission.name != "second_mode" or not case.named:
+        return False
+    order = omission.parameters["frequency_hz"][0] / case.base.fitted.linear.modes[0].frequency_hz
+    near = round(order) in (2, 3) and abs(order - round(order)) < HARMONIC_WIDTH
+    return near and case.named[0].evidence_nats > omission.gain_nats
 
 
 def _omission(case: Case, name: str) -> Finding:

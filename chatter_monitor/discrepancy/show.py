@@ -238,7 +238,8 @@ def _draw_amplitude(axes: Axes, diagnosis: Diagnosis, p: float) -> None:
     case = diagnosis.case
     motion = case.innovations.motion
     sd_x, sd_v = scales(motion)
-    amplitude = np.hypot(motion.x[0] / sd_x, motion.v[0] / sd_v)
+    # As predicted from the samples before: an amplitude that has seen the error would choose it.
+    amplitude = np.roll(np.hypot(motion.x[1] / sd_x, motion.v[1] / sd_v), 1)
     edges = np.quantile(amplitude, np.linspace(0.0, 1.0, 13))
     inside = np.digitize(amplitude, edges[1:-1])
     weighted = case.innovations.white * case.weight

@@ -190,14 +190,16 @@ class _Density:
 
     def noise(self, linear: Linear) -> float:
         """Density of the noise over that of the force."""
-        response = np.exp(self.log_response(linear))
+        return self._share(linear, np.exp(self.log_response(linear)))
+
+    def _share(self, linear: Linear, response: Vector) -> float:
         return linear.noise * float(response @ self.step_hz) / self.spectrum.nyquist_hz
 
     def __call__(self, vector: Vector) -> Vector:
         """Log S at the bins of the periodogram."""
         linear = self.linear(vector)
         response = np.exp(self.log_response(linear))
-        noise = self.noise(linear)
+        noise = self._share(linear, response)
         return np.asarray(np.log(response + noise) + vector[self.noise_at + 1 :] @ self.cosines)
 
 
