@@ -92,14 +92,15 @@ class OdpFrame:
         A `ModeStatus` each.
     share : ndarray of float64, shape (modes,)
         Share of the signal's power that each mode carries, at the end of the frame; sums to at most 1.
-    signal : ndarray of float64, shape (n,)
-        What the model was fitted to: without offset, in the source's units; NaN where samples are missing.
     rms : float
         Root mean square of the samples in the frame, in the source's units.
     lost : int
         Samples of the source lost in this frame or just before it.
     flags : Flag
         What is wrong with the frame's samples.
+    signal : ndarray of float64, shape (n,)
+        What the model was fitted to: without offset, in the source's units; NaN where samples are missing. It stays in
+        the process: frames that a subscriber receives have none.
     """
 
     channel: int
@@ -111,10 +112,10 @@ class OdpFrame:
     damping_sd: NDArray[np.float32]
     status: NDArray[np.uint8]
     share: NDArray[np.float64]
-    signal: NDArray[np.float64]
     rms: float
     lost: int = 0
     flags: Flag = field(default=Flag.NONE)
+    signal: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def __len__(self) -> int:
         return int(self.frequency_hz.shape[0])
