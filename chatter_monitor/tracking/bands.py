@@ -127,6 +127,12 @@ class Vibration:
     frequency_hz: float
     power: float
 
+    def distance(self, later: Vibration) -> tuple[bool, float]:
+        """How unlike a vibration of a later frame is: the recursion's own mode goes before one of nearer frequency."""
+        moved = abs(math.log(later.frequency_hz / self.frequency_hz))
+        same = (self.band, self.mode) == (later.band, later.mode) and moved < LOYALTY
+        return not same, moved
+
 
 class Slots:
     """Gives each vibration of a frame a slot that it keeps from frame to frame, whichever band sees it best.
@@ -148,13 +154,13 @@ class Slots:
         chosen = self._distinct(self._candidates(columns))[: len(self._last)]
         slots: list[Vibration | None] = [None] * len(self._last)
         pairs = sorted(
-            (abs(math.log(known.frequency_hz / new.frequency_hz)), slot, i)
+            (*known.distance(new), slot, i)
             for slot, known in enumerate(self._last)
             if known is not None
             for i, new in enumerate(chosen)
         )
         placed: set[int] = set()
-        for _, slot, i in pairs:
+        for *_, slot, i in pairs:
             if slots[slot] is None and i not in placed:
                 slots[slot] = chosen[i]
                 placed.add(i)

@@ -16,6 +16,8 @@ from chatter_monitor.tracking.bands import Band, Columns, Slots, Vibration, home
 
 # One frame is one verdict interval: long enough for a stable median, short enough for an alarm in time.
 INTERVAL_S = 0.05
+# An octave whose memory holds fewer is left out: its fit would be mostly chance.
+SAMPLES_PER_COEFFICIENT = 10
 
 Order = Annotated[int, msgspec.Meta(ge=0)]
 
@@ -32,7 +34,8 @@ class TrackerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sample_rate_hz : float
         Rate at which the tracker runs; inputs are converted to it.
     bands : int
-        Octaves that have a recursion of their own, from the top downwards; each answers for the middle of its band.
+        Octaves that have a recursion of their own, at most, from the top downwards; each answers for the middle of
+        its band. Those in which the memory is too short for the coefficients are left out.
     high_pass_hz : float
         Corner below which the signal is offset and drift, not vibration. A first-order high-pass costs C one zero and
         frees a pair of poles that would otherwise be spent on the offset.
@@ -49,12 +52,17 @@ class TrackerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if p % 2 or not 2 <= p <= 8 or q > 6:
             msg = f"orders must be [2, 4, 6 or 8, 0 to 6], got {list(self.orders)}"
             raise ValueError(msg)
-        if self.memory_ms * 1e-3 * self.sample_rate_hz < 10 * (p + q):
+        if self.samples_per_coefficient < SAMPLES_PER_COEFFICIENT:
             msg = f"memory_ms must hold at least ten samples for each of the {p + q} coefficients, got {self.memory_ms}"
             raise ValueError(msg)
         if self.high_pass_hz >= self.sample_rate_hz / 2:
             msg = f"high_pass_hz must be below half of sample_rate_hz, got {self.high_pass_hz}"
             raise ValueError(msg)
+
+    @property
+    def samples_per_coefficient(self) -> float:
+        """Samples at the full rate that the memory holds for each coefficient; half as many in each further octave."""
+        return self.memory_ms * 1e-3 * self.sample_rate_hz / sum(self.orders)
 
     @property
     def modes(self) -> int:
@@ -85,7 +93,8 @@ class Tracker:
         rate = settings.sample_rate_hz
         self._interval = round(INTERVAL_S * rate)
         first = 0 if source_rate_hz is None else max(0, math.ceil(math.log2(rate / source_rate_hz)))
-        octaves = range(first, first + settings.bands)
+        known = math.floor(math.log2(settings.samples_per_coefficient / SAMPLES_PER_COEFFICIENT))
+        octaves = range(first, max(min(first + settings.bands, known + 1), first + 1))
         self._bands = [
             Band(settings.orders, settings.memory_ms * 1e-3, rate, octave, self._interval, home_hz)
             for octave, home_hz in zip(octaves, homes(rate, octaves), strict=True)

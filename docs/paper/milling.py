@@ -34,8 +34,8 @@ CHATTER = 3  # section
 HARMONICS_MM_S2 = (3e4, 1e4, 5e3)
 NOISE_MM = 0.003
 LOW_DECIMATION = 32  # of the signal for the second tracker, which follows the low mode
-HIGH = TrackerSettings()  # RARMA(4,3) at 12.8 kHz
-LOW = TrackerSettings(memory_ms=400.0, sample_rate_hz=HIGH.sample_rate_hz / LOW_DECIMATION)
+HIGH = TrackerSettings(bands=1)  # RARMA(4,3) at 12.8 kHz
+LOW = TrackerSettings(memory_ms=400.0, sample_rate_hz=HIGH.sample_rate_hz / LOW_DECIMATION, bands=1)
 ROW_S = 0.75  # of signal for one spectrum of the waterfall
 WAIT_S = 0.5  # after each edge, before numbers are taken
 
