@@ -12,6 +12,7 @@ from chatter_monitor.outlets.event_files import Origin
 from chatter_monitor.outlets.flight_recorder import FlightRecorder
 from chatter_monitor.outlets.publisher import Clock
 from chatter_monitor.records import Block, Event, Odp, OdpFrame, State, Verdict
+from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict.event_log import EventLog
 
 RATE_HZ = 12_800.0
@@ -90,7 +91,7 @@ class Feed:
         self._size = size
         self._change = change
         self._lost = lost
-        self._log = EventLog(session)
+        self._log = EventLog(session, SpindleSettings())
         self._interval = 0
         self.events: list[Event] = []
 

@@ -471,7 +471,7 @@ class Counts:
 
 
 def test_the_spindle_speed_takes_effect_at_the_next_interval(control, client):
-    """Right after `set_spindle` an alarm on both channels is forced; a mark is in the next health message only."""
+    """Right after `set_spindle` both channels name the line's order; a mark is in the next health message only."""
     signal = line(38_400)
     source = Synthetic.from_array(np.stack([signal, signal], axis=1), RATE_HZ, block_samples=640)
     kept = Kept()
@@ -488,8 +488,10 @@ def test_the_spindle_speed_takes_effect_at_the_next_interval(control, client):
     steps = monitor.run()
     while next(steps) < 16_000:
         pass
-    assert [verdict.state for verdict in kept.take(Verdict)[-2:]] == ["self_excited"] * 2
-    assert client.request(command="status")["status"]["verdicts"][1]["state"] == "self_excited"
+    before = kept.take(Verdict)
+    assert {verdict.order for verdict in before} == {None}
+    assert [verdict.state for verdict in before[-2:]] == ["forced"] * 2  # steady from the start
+    assert client.request(command="status")["status"]["verdicts"][1]["state"] == "forced"
     assert client.request(**MILL) == {"ok": True}
     assert client.request(command="mark", text="speed set") == {"ok": True}
     assert kept.take(Health)[0].reasons == []
@@ -497,6 +499,7 @@ def test_the_spindle_speed_takes_effect_at_the_next_interval(control, client):
     after = kept.take(Verdict)
     assert after[0].sample0 <= 16_000
     assert {verdict.state for verdict in after} == {"forced"}
+    assert all(verdict.order == pytest.approx(36, abs=0.05) for verdict in after)
     first, *later = kept.take(Health)
     assert first.reasons == ["mark at 1.25 s: speed set"]
     assert all(health.reasons == [] for health in later)

@@ -217,7 +217,7 @@ def test_a_new_spindle_speed_stands_in_the_next_recording(record, kept):
         cut.run(CUT)
     assert [recorded.settings["spindle"] for recorded, _ in kept()] == [
         SETTINGS["spindle"],
-        {"speed_rpm": 1700.0, "teeth": 4},
+        {"speed_rpm": 1700.0, "teeth": 4, "min_rpm": None, "max_rpm": None},
     ]
 
 
