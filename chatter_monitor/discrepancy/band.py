@@ -75,6 +75,7 @@ def within_band(recorded: Recorded, highest_mode_hz: float) -> Recorded:
         reach = round(_REACH / float(ratio))
         touched = np.convolve(recorded.missing, np.ones(2 * reach + 1), "same") > 0.5
         missing = touched[np.minimum((np.arange(resampled.size) / float(ratio)).astype(np.int64), touched.size - 1)]
+    missing[:_REACH] = missing[-_REACH:] = True  # there the low-pass saw beyond the ends
     return Recorded(resampled, missing, recorded.rate_hz * float(ratio))
 
 

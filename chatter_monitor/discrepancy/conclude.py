@@ -115,8 +115,8 @@ def conclude(case: Case) -> Diagnosis:
         return Diagnosis(report, case, base, None)
     if case.clipped is not None:
         warnings.append(f"{case.clipped.samples} samples at the end of the sensor's range were left out.")
-    if case.recorded.missing.any():
-        warnings.append(f"{np.mean(case.recorded.missing):.1%} of the samples are missing, silent or clipped.")
+    if case.whole.missing.any():
+        warnings.append(f"{np.mean(case.whole.missing):.1%} of the samples are missing, silent or clipped.")
     strange: list[str] = []
     tones = [_tone(case, tone) for tone in case.tones]
     findings += _merged([each for each in tones if each is not None])
