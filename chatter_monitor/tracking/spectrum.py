@@ -17,7 +17,10 @@ WINDOW_S = 0.025
 HOPS = 4
 # How far back the amplitude of a line is looked at.
 HISTORY_S = 1.0
-LONG_S = 6.0
+LONG_S = 8.0
+# A chattering mode is heard within this relative distance of where it was before.
+NEAR = 0.12
+DECIBELS = 10.0 / math.log(10.0)
 # Lines looked at in a frame.
 LINES = 3
 # What is below is offset and drift.
@@ -43,6 +46,8 @@ class Line:
     rise, long_rise : float
         Logarithm of its present amplitude over the median of the last second, and of the last six, beyond what its
         surroundings have risen: a cut that begins or grows louder lifts everything.
+    usual_db : float
+        What stood out near it, in the median of the last seconds: a mode that is driven is heard before it chatters.
     coherence : tuple of float
         Correlation of its complex amplitude after 25, 50, 100 and 200 ms: exp(-zeta omega t) for a mode.
     """
@@ -55,6 +60,7 @@ class Line:
     growth_sd_per_s: float
     rise: float
     long_rise: float
+    usual_db: float
     coherence: tuple[float, ...]
 
     @property
@@ -127,6 +133,7 @@ class Spectrum:
             float(lines.rise(self._reliefs, self._frames, frames, peak, self._scratch))
             for frames in (len(self._valid) // HOPS, len(self._reliefs))
         )
+        reach = max(2, round(NEAR * peak))
         before, here, after = np.log(np.maximum(self._power[peak - 1 : peak + 2], 1e-300)).tolist()
         bend = before - 2.0 * here + after
         offset = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
@@ -134,11 +141,12 @@ class Spectrum:
         return Line(
             frequency_hz=(peak + offset) * self._bin_hz,
             share=share,
-            prominence_db=10.0 / math.log(10.0) * float(self._reliefs[(self._frames - 1) % len(self._reliefs), peak]),
+            prominence_db=DECIBELS * float(self._reliefs[(self._frames - 1) % len(self._reliefs), peak]),
             variation=variation,
             growth_per_s=growth / self._hop_s,
             growth_sd_per_s=growth_sd / self._hop_s,
             rise=rise,
             long_rise=long_rise,
+            usual_db=DECIBELS * float(lines.usual(self._reliefs, self._frames, reach, peak, self._scratch)),
             coherence=tuple(coherence),
         )

@@ -18,6 +18,12 @@ from chatter_monitor.verdict.kinds import NOTHING, PRIOR, Kinds, Likeness, follo
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 
+# A line that rises where nothing stood out before comes with the tool's entry, or is something new. Its kind is open
+# until there was time to find out what turns (`tracking.orders`): so many intervals.
+UNHEARD_DB = 8.0
+ENTRY_RISE = 0.7
+ENTRY_INTERVALS = 52
+
 # Weight of an interval in the average of the synchronous share: half a second of intervals.
 AVERAGING = 0.1
 
@@ -77,6 +83,8 @@ class Memory:
         Frequency of the vibration that the running alarm is about, where it was last heard.
     synchronous : float
         Share of the power that turns with the spindle, averaged over the last half second.
+    since_entry : int or None
+        Intervals since something rose where nothing had stood out.
     """
 
     loudest: float = 0.0
@@ -84,6 +92,7 @@ class Memory:
     alarm: bool = False
     chatter_hz: float | None = None
     synchronous: float = 0.0
+    since_entry: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +132,14 @@ def heard_again(evidence: Evidence, frequency_hz: float) -> Vibration | None:
     distances = [(abs(math.log(v.line.frequency_hz / frequency_hz)), v) for v in evidence.vibrations]
     distance, vibration = min(distances, key=lambda pair: pair[0], default=(math.inf, None))
     return vibration if distance < SAME_VIBRATION else None
+
+
+def _since_entry(before: int | None, vibration: Vibration | None) -> int | None:
+    """Intervals since something rose where nothing had been; None again when that is over and done with."""
+    unheard = vibration is not None and vibration.line.usual_db < UNHEARD_DB and vibration.line.long_rise > ENTRY_RISE
+    if before is None:
+        return 0 if unheard else None
+    return before + 1 if before < ENTRY_INTERVALS or unheard else None
 
 
 def opinion(evidence: Evidence, memory: Memory, found: Suspect, settings: JudgeSettings) -> Opinion:
@@ -227,8 +244,10 @@ class Judge:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         else:
             found = suspect(evidence)
+            memory = replace(memory, since_entry=_since_entry(memory.since_entry, found.vibration))
+            entering = memory.since_entry is not None and memory.since_entry < ENTRY_INTERVALS
             on_order = found.vibration is not None and found.vibration.on_order
-            kinds = follow(memory.kinds, found.likeness, on_order=on_order)
+            kinds = follow(memory.kinds, found.likeness, doubted=on_order or entering)
             least = settings.calm_probability if memory.alarm else settings.alarm_probability
             share = memory.synchronous + AVERAGING * (evidence.orders.synchronous_share - memory.synchronous)
             alarm = kinds.self_excited >= least

@@ -7,7 +7,7 @@ goes on being self-excited for as long as it stays, whatever its damping reads b
 there from the start, or that came where an order of the spindle is, is forced.
 
 The likelihoods of a frame come from a logistic regression on the line's measures (`benchmarks.verdict.train`). Frames
-that overlap in their history are no independent evidence, so the logarithm of the likelihood counts `EVIDENCE` times.
+that overlap in their history are no independent evidence, so only a share of the logarithm of the likelihood counts.
 """
 
 from __future__ import annotations
@@ -16,27 +16,39 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict.weights import CALM, GROWTH
 
-# Share at which a frame's logarithmic likelihood counts: its history overlaps with that of the frames before.
-EVIDENCE = 0.4
 # No single frame says more than this.
 CONVINCING = 8.0
-# Probabilities of a change in one frame.
-BEGINS_TO_GROW = 1e-6
-GROWS_ON_FORCED = 1e-5
-BEGINS_FORCED = 3e-3
-SATURATES = 0.1
-DIES_WHILE_GROWING = 0.1
-ENDS = 3e-4
-# A vibration on an order of the spindle is less likely to be self-excited by this factor.
-ON_ORDER = math.exp(-5.0)
 
-# Damping taken for granted where the tracker has no mode at the line.
-NO_MODE_DAMPING = 0.03
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """Constants of the chain; chosen on the development cuts by `benchmarks.verdict.train`.
+
+    Attributes
+    ----------
+    evidence : float
+        Share at which a frame's logarithmic likelihood counts: its history overlaps with that of the frames before.
+    begins_to_grow, grows_on_forced, begins_forced, saturates, dies_while_growing, ends : float
+        Probabilities of a change in one frame.
+    doubted : float
+        By this factor a vibration that something else explains is less likely to grow by itself: it is on an order of
+        the spindle, or the tool has just entered the cut.
+    """
+
+    evidence: float = 0.3
+    begins_to_grow: float = 1e-5
+    grows_on_forced: float = 1e-6
+    begins_forced: float = 3e-3
+    saturates: float = 0.1
+    dies_while_growing: float = 0.1
+    ends: float = 3e-3
+    doubted: float = 0.007
+
+
+CHAIN = Chain()
 
 
 class Kinds(NamedTuple):
@@ -70,11 +82,11 @@ def measures(line: Line, damping_ratio: float | None) -> tuple[float, ...]:
 
     Prominence (10 dB), log odds of the share of power, coherence after 25 ms (as -log(1 - c)), variation of the
     amplitude, rise within one second and within six (natural logarithm), decay and growth (as damping ratios in
-    percent), logarithm of the damping ratio that the tracker reads.
+    percent), logarithm of the damping ratio that the tracker reads, or the loss of coherence where it has no mode.
     """
     share = min(max(line.share, 0.01), 0.99)
     growth = line.growth_per_s / (2.0 * math.pi * line.frequency_hz)
-    damping = NO_MODE_DAMPING if damping_ratio is None else min(max(damping_ratio, 0.0), 0.1) + 0.001
+    damping = line.damping_ratio if damping_ratio is None else damping_ratio
     return (
         min(max(line.prominence_db, 0.0), 40.0) / 10.0,
         math.log(share / (1.0 - share)),
@@ -84,7 +96,7 @@ def measures(line: Line, damping_ratio: float | None) -> tuple[float, ...]:
         min(max(line.long_rise, -1.5), 3.5),
         100.0 * min(max(growth, -0.02), 0.0),
         100.0 * min(max(growth, 0.0), 0.02),
-        math.log10(damping),
+        math.log10(min(max(damping, 0.0), 0.1) + 0.001),
     )
 
 
@@ -101,23 +113,27 @@ def likeness(line: Line, damping_ratio: float | None) -> Likeness:
 NOTHING = Likeness(-CONVINCING, -CONVINCING)
 
 
-def follow(before: Kinds, seen: Likeness, *, on_order: bool) -> Kinds:
+def follow(before: Kinds, seen: Likeness, *, doubted: bool, chain: Chain = CHAIN) -> Kinds:
     """Probabilities after another frame: the forward recursion of the chain."""
-    favour = ON_ORDER if on_order else 1.0
+    favour = chain.doubted if doubted else 1.0
     noise, growing, saturated, forced = before
-    begun = noise * BEGINS_TO_GROW * favour
-    begun_on_forced = forced * GROWS_ON_FORCED * favour
-    predicted = np.array(
-        [
-            noise * (1.0 - BEGINS_FORCED) - begun + growing * DIES_WHILE_GROWING + (saturated + forced) * ENDS,
-            growing * (1.0 - SATURATES - DIES_WHILE_GROWING) + begun + begun_on_forced,
-            saturated * (1.0 - ENDS) + growing * SATURATES,
-            forced * (1.0 - ENDS) - begun_on_forced + noise * BEGINS_FORCED,
-        ]
+    begun = noise * chain.begins_to_grow * favour
+    begun_on_forced = forced * chain.grows_on_forced * favour
+    died = growing * chain.dies_while_growing
+    grown = growing * chain.saturates
+    ended_saturated, ended_forced = saturated * chain.ends, forced * chain.ends
+    begun_forced = noise * chain.begins_forced
+    predicted = (
+        noise - begun - begun_forced + died + ended_saturated + ended_forced,
+        growing - died - grown + begun + begun_on_forced,
+        saturated - ended_saturated + grown,
+        forced - ended_forced - begun_on_forced + begun_forced,
     )
-    logarithm = EVIDENCE * np.array([0.0, seen.growth, seen.calm, seen.calm])
-    posterior = predicted * np.exp(logarithm - logarithm.max())
-    return Kinds(*(posterior / posterior.sum()).tolist())
+    most = max(0.0, seen.growth, seen.calm)
+    likelihoods = [math.exp(chain.evidence * (log - most)) for log in (0.0, seen.growth, seen.calm, seen.calm)]
+    posterior = [probability * likelihood for probability, likelihood in zip(predicted, likelihoods, strict=True)]
+    total = sum(posterior)
+    return Kinds(*(probability / total for probability in posterior))
 
 
 def _bounded(value: float) -> float:

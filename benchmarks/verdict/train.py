@@ -1,0 +1,191 @@
+"""Weights of `verdict.kinds`, from cuts of the development split: ``python -m benchmarks.verdict.train``.
+
+Every line of every interval is an example of one of three classes: growth (the vibration of an unstable cut while it
+rises out of its surroundings), calm (something coherent and steady, forced or saturated), noise (everything else). A
+multinomial logistic regression tells them apart; the classes weigh the same. Signs that physics knows are imposed.
+Half of the cuts are heard with the spindle's speed known, half without.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.progress import track
+from scipy.optimize import minimize
+
+from benchmarks.verdict.cache import cached_cuts
+from benchmarks.verdict.cut import Cut, Label
+from chatter_monitor.tracking.channel import Channel
+from chatter_monitor.tracking.orders import OrderSettings
+from chatter_monitor.tracking.spindle import SpindleSettings
+from chatter_monitor.tracking.tracker import TrackerSettings
+from chatter_monitor.verdict import weights
+from chatter_monitor.verdict.evidence import Evidence, weigh
+from chatter_monitor.verdict.judge import JudgeSettings
+from chatter_monitor.verdict.kinds import CONVINCING, PRIOR, Chain, Likeness, follow, measures
+
+ALARM_PROBABILITY = JudgeSettings().alarm_probability
+CALM_PROBABILITY = JudgeSettings().calm_probability
+NOISE, GROWTH, CALM = range(3)
+MEASURES = ("prominence", "share", "coherence", "variation", "rise", "long_rise", "decay", "growth", "log_damping")
+# Growth makes these larger, or smaller.
+GROWS_WITH = {"prominence": 1, "coherence": 1, "rise": 1, "long_rise": 1, "decay": 1, "growth": 1, "log_damping": -1}
+
+GROWING_RISE = 0.5
+GROWING_S = 3.0  # after the damping has become negative
+SAME_VIBRATION = 0.06  # as the truth's, relatively
+CALM_COHERENCE = 0.85
+CALM_VARIATION = 0.3
+CALM_RISE = 0.35
+CALM_PROMINENCE_DB = 12.0
+RIDGE = 1e-3
+
+
+def evidence_of(cut: Cut, *, speed_known: bool) -> Iterator[Evidence]:
+    """What the monitor sees in each interval of a cut."""
+    spindle = SpindleSettings(cut.nominal_rpm, cut.teeth) if speed_known else SpindleSettings()
+    channel = Channel(TrackerSettings(), OrderSettings(), spindle)
+    for observation in channel.process(0, cut.samples):
+        yield weigh(observation, spindle)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One line of an interval: its measures, its class where it has one, and whether it is on an order."""
+
+    measures: tuple[float, ...]
+    kind: int | None
+    on_order: bool
+
+
+def seen(cut: Cut, *, speed_known: bool) -> list[list[Seen]]:
+    """Lines of every interval."""
+    truth = cut.truth
+    since = np.full(len(truth), np.inf)
+    for stretch in truth.unstable:
+        age = truth.start_s - stretch.zero_s
+        since = np.where(age >= 0.0, np.minimum(since, age), since)
+    intervals = []
+    for i, evidence in enumerate(evidence_of(cut, speed_known=speed_known)):
+        if i >= len(truth):
+            break
+        lines = []
+        for vibration in () if evidence.starting else evidence.vibrations:
+            line = vibration.line
+            own = abs(np.log(line.frequency_hz / truth.frequency_hz[i])) < SAME_VIBRATION
+            calm = (
+                line.coherence[0] > CALM_COHERENCE
+                and line.variation < CALM_VARIATION
+                and abs(line.rise) < CALM_RISE
+                and line.prominence_db > CALM_PROMINENCE_DB
+            )
+            kind = None
+            if truth.damping_ratio[i] < 0.0 and own and max(line.rise, line.long_rise) > GROWING_RISE:
+                kind = GROWTH if since[i] < GROWING_S else None
+            elif truth.label[i] == Label.SELF_EXCITED:
+                kind = CALM if own and calm else None
+            elif truth.label[i] in (Label.OTHER, Label.FORCED):
+                kind = CALM if calm else NOISE
+            damping_ratio = None if vibration.mode is None else vibration.mode.damping_ratio
+            lines.append(Seen(measures(line, damping_ratio), kind, vibration.on_order))
+        intervals.append(lines)
+    return intervals
+
+
+def fit(x: NDArray[np.float64], kind: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Weights and offsets of growth and calm against noise, shape (2, measures + 1)."""
+    centre, scale = x.mean(axis=0), x.std(axis=0) + 1e-9
+    columns = np.column_stack([(x - centre) / scale, np.ones(len(x))])
+    share = (1.0 / 3.0 / np.bincount(kind, minlength=3))[kind]
+
+    def loss(flat: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        table = flat.reshape(2, -1)
+        logits = np.column_stack([np.zeros(len(x)), columns @ table.T])
+        norm = np.logaddexp.reduce(logits, axis=1)
+        value = share @ (norm - logits[np.arange(len(x)), kind]) + RIDGE * np.sum(table[:, :-1] ** 2)
+        surplus = np.exp(logits - norm[:, np.newaxis])
+        surplus[np.arange(len(x)), kind] -= 1.0
+        slope = (share[:, np.newaxis] * surplus[:, 1:]).T @ columns
+        slope[:, :-1] += 2.0 * RIDGE * table[:, :-1]
+        return float(value), slope.ravel()
+
+    free = (None, None)
+    signs = {1: (0.0, None), -1: (None, 0.0)}
+    bounds = [signs.get(GROWS_WITH.get(name, 0), free) for name in MEASURES] + [free] * (len(MEASURES) + 2)
+    start = np.zeros(2 * (len(MEASURES) + 1))
+    table = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x.reshape(2, -1)
+    table[:, :-1] /= scale
+    table[:, -1] -= table[:, :-1] @ centre
+    return table
+
+
+def alarms(intervals: list[list[Seen]], table: NDArray[np.float64], chain: Chain) -> NDArray[np.bool_]:
+    """Intervals that the chain takes for self-excited, as `verdict.judge` does."""
+    kinds, alarm = PRIOR, False
+    found = np.zeros(len(intervals), bool)
+    for i, lines in enumerate(intervals):
+        if lines:
+            logs = np.clip([table[:, :-1] @ line.measures + table[:, -1] for line in lines], -CONVINCING, CONVINCING)
+            growing, calm = logs.argmax(axis=0)
+            likeness = Likeness(*logs.max(axis=0).tolist())
+            main = lines[growing if likeness.growth > likeness.calm else calm]
+            kinds = follow(kinds, likeness, doubted=main.on_order, chain=chain)
+        alarm = kinds.self_excited >= (CALM_PROBABILITY if alarm else ALARM_PROBABILITY)
+        found[i] = alarm
+    return found
+
+
+def search(cuts: list[tuple[NDArray[np.int8], list[list[Seen]]]], table: NDArray[np.float64]) -> None:
+    """Print what other constants of the chain would do, best first: recall less 25 times the share of false alarms."""
+    results = []
+    choices = product((0.3, 0.4, 0.6), (1e-6, 1e-5, 1e-4), (1e-6, 1e-5, 1e-4), (1e-3, 3e-3), (0.03, 0.1), (3e-4, 2e-3))
+    for evidence, grow, on_forced, forced, dies, ends in track(list(choices), description="constants of the chain"):
+        chain = Chain(evidence, grow, on_forced, forced, 0.1, dies, ends)
+        counts = np.zeros(4)
+        for label, intervals in cuts:
+            found = alarms(intervals, table, chain)[: len(label)]
+            chatter, other = label == Label.SELF_EXCITED, np.isin(label, (Label.OTHER, Label.FORCED))
+            counts += [np.sum(found & chatter), np.sum(chatter), np.sum(found & other), np.sum(other)]
+        recall, false = counts[0] / counts[1], counts[2] / counts[3]
+        results.append((recall - 25.0 * false, recall, false, chain))
+    for _, recall, false, chain in sorted(results, key=lambda result: -result[0])[:5]:
+        print(f"recall {recall:.3f}, false alarms {100 * false:.3f} %: {chain}")
+
+
+def main() -> None:
+    """Fit the weights, print them, and write them where the monitor reads them."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cuts", type=int, default=150)
+    parser.add_argument("--cache", type=Path, help="directory that keeps the cuts")
+    parser.add_argument("--write", action="store_true", help="into chatter_monitor/verdict/weights.py")
+    arguments = parser.parse_args()
+    heard = []
+    cuts = cached_cuts("development", arguments.cuts, arguments.cache)
+    for number, cut in enumerate(track(cuts, total=arguments.cuts, description="cuts of the development split")):
+        heard.append((cut.truth.label, seen(cut, speed_known=number // 15 % 2 == 0)))
+    lines = [line for _, intervals in heard for lines in intervals for line in lines if line.kind is not None]
+    x, kind = np.array([line.measures for line in lines]), np.array([line.kind for line in lines])
+    print("examples of noise, growth, calm:", np.bincount(kind, minlength=3).tolist())
+    table = fit(x, kind)
+    text = [
+        f"{name} = Weights({tuple(round(float(value), 3) for value in row[:-1])}, {float(row[-1]):.3f})"
+        for name, row in zip(("GROWTH", "CALM"), table, strict=True)
+    ]
+    print(MEASURES)
+    print("\n".join(text))
+
+    search(heard, table)
+    if arguments.write:
+        path = Path(weights.__file__)
+        head = path.read_text().split("\nGROWTH = ", maxsplit=1)[0]
+        path.write_text(head + "\n" + "\n".join(text) + "\n")
+
+
+if __name__ == "__main__":
+    main()
