@@ -244,24 +244,35 @@ class Judge:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         else:
             found = suspect(evidence)
-            memory = replace(memory, since_entry=_since_entry(memory.since_entry, found.vibration))
-            entering = memory.since_entry is not None and memory.since_entry < ENTRY_INTERVALS
-            on_order = found.vibration is not None and found.vibration.on_order
-            kinds = follow(memory.kinds, found.likeness, doubted=on_order or entering)
-            least = settings.calm_probability if memory.alarm else settings.alarm_probability
-            share = memory.synchronous + AVERAGING * (evidence.orders.synchronous_share - memory.synchronous)
-            alarm = kinds.self_excited >= least
-            chatter_hz = memory.chatter_hz
-            if alarm and chatter_hz is not None:
-                found = replace(found, vibration=heard_again(evidence, chatter_hz))
-            if alarm and found.vibration is not None:
-                chatter_hz = found.vibration.line.frequency_hz
-            memory = replace(
-                memory, kinds=kinds, alarm=alarm, chatter_hz=chatter_hz if alarm else None, synchronous=share
-            )
+            memory = self._believe(memory, evidence, found)
+            if memory.chatter_hz is not None:
+                found = replace(found, vibration=heard_again(evidence, memory.chatter_hz))
             view = opinion(evidence, memory, found, settings)
         self._memory = memory
         return self._record(view, evidence, first_sample, samples, sample_rate_hz)
+
+    def _believe(self, memory: Memory, evidence: Evidence, found: Suspect) -> Memory:
+        """Follow the probabilities by what an interval shows."""
+        settings, vibration = self._settings, found.vibration
+        since_entry = _since_entry(memory.since_entry, vibration)
+        entering = since_entry is not None and since_entry < ENTRY_INTERVALS
+        on_order = vibration is not None and vibration.on_order
+        kinds = follow(memory.kinds, found.likeness, doubted=on_order or entering)
+        alarm = kinds.self_excited >= (settings.calm_probability if memory.alarm else settings.alarm_probability)
+        chatter_hz = memory.chatter_hz
+        if chatter_hz is not None:
+            vibration = heard_again(evidence, chatter_hz)
+        if vibration is not None:
+            chatter_hz = vibration.line.frequency_hz
+        share = memory.synchronous + AVERAGING * (evidence.orders.synchronous_share - memory.synchronous)
+        return replace(
+            memory,
+            kinds=kinds,
+            alarm=alarm,
+            chatter_hz=chatter_hz if alarm else None,
+            synchronous=share,
+            since_entry=since_entry,
+        )
 
     def _hear(self, level: float) -> Memory:
         """Take note of how loud it is."""

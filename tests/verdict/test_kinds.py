@@ -22,7 +22,7 @@ def followed(*frames, begin=PRIOR, on_order=False):
     """Probabilities after each frame."""
     history = []
     for seen in frames:
-        begin = follow(begin, seen, on_order=on_order)
+        begin = follow(begin, seen, doubted=on_order)
         history.append(begin)
     return history
 
@@ -30,7 +30,7 @@ def followed(*frames, begin=PRIOR, on_order=False):
 def frames_until(condition, seen, *, begin=PRIOR, on_order=False, most=1000):
     """Number of equal frames until a condition holds."""
     for count in range(1, most):
-        begin = follow(begin, seen, on_order=on_order)
+        begin = follow(begin, seen, doubted=on_order)
         if condition(begin):
             return count
     return most
@@ -45,7 +45,7 @@ def test_before_anything_is_known_it_is_noise():
 @pytest.mark.parametrize("on_order", [True, False])
 def test_a_frame_that_says_nothing_moves_little(on_order):
     """Where every kind is as likely, a frame only lets the chain take its step: no probability jumps."""
-    step = follow(PRIOR, Likeness(0.0, 0.0), on_order=on_order)
+    step = follow(PRIOR, Likeness(0.0, 0.0), doubted=on_order)
     np.testing.assert_allclose(step, PRIOR, atol=5e-3)
 
 
@@ -125,7 +125,7 @@ def test_always_a_distribution(history):
     """For any history the probabilities are finite, within 0 and 1, and sum to one."""
     kinds = PRIOR
     for each, on_order in history:
-        kinds = follow(kinds, each, on_order=on_order)
+        kinds = follow(kinds, each, doubted=on_order)
         assert all(0.0 < p < 1.0 for p in kinds)
         assert sum(kinds) == pytest.approx(1.0, abs=1e-12)
 
@@ -144,7 +144,7 @@ def test_more_growth_is_more_growing(weights, before, more, on_order):
 
 LINE = Line(
     frequency_hz=1000.0, share=0.5, prominence_db=20.0, variation=0.3, growth_per_s=20.0, growth_sd_per_s=1.0,
-    rise=0.7, long_rise=1.5, coherence=(0.9, 0.8, 0.7, 0.6),
+    rise=0.7, long_rise=1.5, usual_db=15.0, coherence=(0.9, 0.8, 0.7, 0.6),
 )  # fmt: skip
 
 
@@ -162,7 +162,7 @@ values = st.floats(allow_nan=False)
 @settings(max_examples=300, derandomize=True, deadline=None)
 @given(
     st.builds(
-        Line, st.floats(50.0, 6400.0), st.floats(0.0, 1.0), values, st.floats(0.0), values, values, values, values,
+        Line, st.floats(50.0, 6400.0), st.floats(0.0, 1.0), values, st.floats(0.0), values, values, values, values, values,
         st.tuples(*[st.floats(0.0, 1.0)] * 4),
     ),
     st.none() | values,
