@@ -66,6 +66,14 @@ class JudgeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     forced_share: Probability = 0.5
     idle_ratio: Probability = 0.003
 
+    def __post_init__(self) -> None:
+        if self.calm_probability > self.alarm_probability:  # an alarm would end with the interval that it begins with
+            msg = (
+                f"calm_probability must not be above alarm_probability ({self.alarm_probability}),"
+                f" got {self.calm_probability}"
+            )
+            raise ValueError(msg)
+
 
 @dataclass(frozen=True, slots=True)
 class Memory:
