@@ -28,3 +28,16 @@ def vibration(
         part = lfilter([1.0], factor(frequency_hz, damping_ratio, rate_hz), rng.standard_normal(samples))
         total += part / np.std(part)
     return total
+
+
+def onset(
+    samples: int, begins: int, frequency_hz: float = 900.0, growth_s: float = 0.1, rate_hz: float = RATE_HZ
+) -> NDArray[np.float64]:
+    """A mode that noise drives, out of which a vibration grows by itself: e-fold within `growth_s`, fiftyfold in all.
+
+    A caricature of the onset of chatter with its beginning, its rate and its end known.
+    """
+    since_s = (np.arange(samples) - begins) / rate_hz
+    amplitude = np.where(since_s > 0.0, 0.01 * np.exp(np.clip(since_s / growth_s, 0.0, np.log(50.0))), 0.0)
+    noise = 0.01 * vibration(samples, [(frequency_hz, 0.03)], rate_hz=rate_hz)
+    return noise + amplitude * np.sin(2 * np.pi * frequency_hz * since_s)

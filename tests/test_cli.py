@@ -166,15 +166,19 @@ def test_timeline_for_people(run, recording):
 
 
 def test_options_reach_the_judge(run, tmp_path):
-    """A line on a tooth passing harmonic is forced with the speed of the command line, and an alarm without."""
+    """With the speed of the command line a tooth passing harmonic is forced and has its order, without it has none."""
     path = tmp_path / "line.wav"
     noise = np.random.default_rng(1).standard_normal(25_600)
     line = np.sin(2 * np.pi * 993.6 * np.arange(25_600) / 12_800)
     soundfile.write(path, 0.3 * line + 0.003 * noise, 12_800)
-    _, known, _ = run("replay", path, "--spindle-rpm", "1656", "--teeth", "6", "--json")
-    _, unknown, _ = run("replay", path, "--json")
-    assert json.loads(known)["seconds_in"][0]["forced"] > 1.8
-    assert json.loads(unknown)["seconds_in"][0]["self_excited"] > 1.7
+    orders = []
+    for options in (["--spindle-rpm", "1656", "--teeth", "6"], []):
+        _, summary, _ = run("replay", path, "--json", "--jsonl", tmp_path / "out.jsonl", *options)
+        assert json.loads(summary)["events"] == []
+        last = [json.loads(each) for each in (tmp_path / "out.jsonl").read_text().splitlines() if '"verdict"' in each][-2]
+        assert last["state"] == "forced"
+        orders.append(last["order"])
+    assert orders == [pytest.approx(36.0, abs=0.05), None]
 
 
 def test_help_lists_the_commands(run):

@@ -66,7 +66,7 @@ def test_values_arrive(write):
     """What is written is what the settings hold, in every table."""
     path = write(
         '[input]\ndevice = "hw:1"\nsample_rate_hz = 96000\nsensor = "accelerometer"\n'
-        "[tracker]\norders = [6, 4]\nhigh_pass_hz = 5\n[verdict]\nalarm_intervals = 5\n"
+        "[tracker]\norders = [6, 4]\nhigh_pass_hz = 5\n[verdict]\nalarm_probability = 0.7\n"
         '[publish]\nbind = "tcp://127.0.0.1:6000"\nhigh_water_mark = 9\n[recorder]\nquota_gb = 1.5\npre_s = 0\n'
     )
     settings = load([path])
@@ -75,7 +75,7 @@ def test_values_arrive(write):
     assert settings.input.sensor == "accelerometer"
     assert settings.tracker.orders == (6, 4)
     assert settings.tracker.high_pass_hz == 5
-    assert settings.verdict.alarm_intervals == 5
+    assert settings.verdict.alarm_probability == 0.7
     assert settings.publish == replace(Settings().publish, bind="tcp://127.0.0.1:6000", high_water_mark=9)
     assert (settings.recorder.quota_gb, settings.recorder.pre_s) == (1.5, 0)
 
@@ -126,6 +126,10 @@ def test_an_unknown_key_is_refused(write, text, parts):
         ("[spindle]\nspeed_rpm = nan\n", ["[spindle] speed_rpm", "got nan", "a finite number"]),
         ("[spindle]\nteeth = 0\n", ["[spindle] teeth", "got 0", ">= 1"]),
         ("[verdict]\ncertainty = 1.0\n", ["[verdict] certainty", "got 1.0", "< 1.0"]),
+        (
+            "[verdict]\nalarm_probability = 0.4\n",
+            ["[verdict]", "calm_probability must not be above alarm_probability (0.4), got 0.5"],
+        ),
         ("[input]\nchannels = [0, -1]\n", ["[input] channels[1]", "got [0, -1]", ">= 0"]),
         ('[input]\nsensor = "ear"\n', ["[input] sensor", "got 'ear'"]),
         ("[input]\nsample_rate_hz = 0\n", ["[input] sample_rate_hz", "got 0", "> 0"]),

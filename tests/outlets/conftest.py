@@ -36,6 +36,7 @@ def make_interval() -> MakeInterval:
             *arrays,
             status,
             share,
+            signal=rng.standard_normal(n),
             rms=0.25,
             lost=lost,
             flags=Flag.GAP if lost else Flag.NONE,

@@ -109,9 +109,10 @@ def test_health_counts_what_was_lost(messages):
 
 
 def test_settings_reach_the_judges():
-    """A stable cut is an alarm where the threshold says so."""
+    """A stable cut is an alarm where the thresholds say so."""
     settings = Settings()
-    eager = msgspec.structs.replace(settings, verdict=msgspec.structs.replace(settings.verdict, chatter_damping=0.5))
+    at_once = msgspec.structs.replace(settings.verdict, alarm_probability=1e-12, calm_probability=1e-12)
+    eager = msgspec.structs.replace(settings, verdict=at_once)
     source, kept = Lossy(4096), Kept()
     about = {"counts": source, "source_rate_hz": RATE_HZ, "session": "x", "clock": time.perf_counter}
     list(Monitor(eager, source, [kept], **about).run())

@@ -18,7 +18,7 @@ from chatter_monitor.service.monitor import Monitor
 from chatter_monitor.service.recorder import open_recorder
 from chatter_monitor.tracking.spindle import SpindleSettings
 from tests.outlets.recorder_feed import CLOCK
-from tests.signals import RATE_HZ, vibration
+from tests.signals import RATE_HZ, onset, vibration
 
 
 class Told(Outlet):
@@ -99,13 +99,13 @@ def test_settings_of_a_recording_are_those_of_the_monitor(tmp_path):
     config = tmp_path / "machine.toml"
     config.write_text(
         '[machine]\nname = "lathe-3"\n[input]\nchannels = [2, 0]\nfull_scale_per_unit = 0.5\n'
-        "[spindle]\nspeed_rpm = 1700\n[verdict]\nalarm_intervals = 4\n[tracker]\nmemory_ms = 70\n"
+        "[spindle]\nspeed_rpm = 1700\n[verdict]\nalarm_probability = 0.7\n[tracker]\nmemory_ms = 70\n"
     )
     settings = load([config])
     store = EventWriter(tmp_path / "events", 1e9)
-    tone = np.sin(2 * np.pi * 900 * np.arange(12_800) / RATE_HZ) + 0.001 * vibration(12_800, [(400, 0.03)])
+    cut = onset(32_000, 12_800)
     with open_recorder(settings, store, 2, 48_000.0, utc_of=CLOCK.utc_of, patient=True) as recorder:
-        monitored(np.stack([tone, tone], axis=1), recorder, settings)
+        monitored(np.stack([cut, cut], axis=1), recorder, settings)
     entries = EventStore(tmp_path / "events").entries()
     assert [read(entry.json).channel for entry in entries] == [0, 1]
     for entry in entries:

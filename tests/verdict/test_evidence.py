@@ -8,15 +8,22 @@ import numpy as np
 import pytest
 
 from chatter_monitor.records import Flag, ModeStatus, OdpFrame
+from chatter_monitor.tracking.channel import Observation
+from chatter_monitor.tracking.margin import Margin
+from chatter_monitor.tracking.orders import Orders
+from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict.evidence import (
+    AUDIBLE_SHARE,
+    ORDER_TOLERANCE_HZ,
     SIGNIFICANT_SHARE,
     ModeEvidence,
+    is_on_order,
     modes_evidence,
     probability_below,
     spindle_order,
-    weigh,
 )
+from chatter_monitor.verdict.evidence import weigh as weigh_observation
 
 OSCILLATORY, REAL_PAIR, HELD, STARTING = ModeStatus
 N = 101
@@ -37,7 +44,21 @@ def frame(*, damping=(0.02, 0.001), share=(0.5, 0.5), status=None, flags=Flag.NO
     status = np.asarray(status, dtype=np.uint8)
     for column in columns:
         column[np.isin(status, [REAL_PAIR, STARTING])] = np.nan
-    return OdpFrame(0, 0, 12_800.0, *columns, status, np.array(share), rms=rms, flags=flags)
+    return OdpFrame(0, 0, 12_800.0, *columns, status, np.array(share), np.zeros(N), rms=rms, flags=flags)
+
+
+def line(frequency_hz, share=0.5):
+    return Line(frequency_hz, share, 20.0, 0.3, 0.0, 1.0, 0.0, 0.0, (0.9, 0.8, 0.7, 0.6))
+
+
+def orders_of(rotation_hz=None, source=None, share=0.0):
+    return Orders(0, rotation_hz, None if rotation_hz is None else 0.01, source, share)
+
+
+def weigh(frame, orders=None, lines=(), spindle=None):
+    """Evidence of a frame by itself."""
+    observation = Observation(frame, orders or orders_of(), tuple(lines), Margin(reason="too little signal yet"))
+    return weigh_observation(observation, spindle or SpindleSettings())
 
 
 def status_of(mode, *stretches):
@@ -90,10 +111,49 @@ def test_starting_as_soon_as_one_sample_is():
     assert weigh(frame(status=status_of(1, (slice(0, 1), STARTING)))).starting
 
 
-def test_level_and_flags_are_handed_on():
-    """Level and flags are those of the frame."""
-    evidence = weigh(frame(rms=0.125, flags=Flag.GAP | Flag.CLIPPED))
-    assert (evidence.rms, evidence.flags) == (0.125, Flag.GAP | Flag.CLIPPED)
+def test_level_is_that_of_the_whole_signal():
+    """The level counts what turns with the spindle, which the frame is without; flags are those of the frame."""
+    flags = Flag.GAP | Flag.CLIPPED
+    assert (weigh(frame(rms=0.125)).rms, weigh(frame(flags=flags)).flags) == (0.125, flags)
+    assert weigh(frame(rms=0.1), orders_of(27.6, "found", share=0.99)).rms == pytest.approx(1.0)
+
+
+def test_a_line_has_the_least_damped_mode_that_is_near():
+    """A line takes the mode at its frequency, whatever its share, and none where there is none."""
+    near, far = weigh(frame(share=(0.0, 0.9)), lines=[line(405.0), line(600.0)]).vibrations
+    assert (near.mode.frequency_hz, near.mode.damping_ratio) == pytest.approx((400.0, 0.02))
+    assert far.mode is None
+
+
+def test_a_line_that_is_hardly_heard_is_left_out():
+    """Lines below the audible share of the power are no vibrations; those above keep their sequence."""
+    lines = [line(700.0), line(800.0, 0.9 * AUDIBLE_SHARE), line(300.0, 1.1 * AUDIBLE_SHARE)]
+    assert [v.line.frequency_hz for v in weigh(frame(), lines=lines).vibrations] == [700.0, 300.0]
+
+
+@pytest.mark.parametrize(
+    ("frequency_hz", "rotation_hz", "teeth", "source", "on_order"),
+    [
+        (993.6, 27.6, 6, "found", True),  # the 36th order, the sixth tooth passing
+        (993.6 + 0.9 * ORDER_TOLERANCE_HZ, 27.6, 6, "found", True),
+        (993.6 + 1.1 * ORDER_TOLERANCE_HZ, 27.6, 6, "found", False),
+        (27.6 * 35, 27.6, 6, "found", True),  # an order of the spindle though not of the teeth
+        (13.8, 27.6, 6, "found", False),  # below the first
+        (1.0, 27.6, 6, "found", False),  # no order at all, though near zero
+        (993.6, 10.0, 6, "found", False),  # orders so near to each other that every frequency would be one
+        (960.0, 10.0, 6, "found", True),  # but the teeth are far enough apart
+        (300.0 * 1.03, 100.0, 3, "given", True),  # a nominal speed is some percent off
+        (300.0 * 1.03, 100.0, 3, "found", False),
+        (3600.0 * 1.03, 100.0, 3, "given", False),  # of which 3.5 % are too much to tell orders apart
+        (993.6, None, 6, None, False),
+    ],
+)
+def test_on_an_order_where_orders_can_be_told_apart(frequency_hz, rotation_hz, teeth, source, on_order):
+    """A frequency is on an order within what it and the speed are known to, unless every frequency would be."""
+    assert is_on_order(frequency_hz, orders_of(rotation_hz, source), teeth) is on_order
+    spindle = SpindleSettings(teeth=teeth)
+    (vibration,) = weigh(frame(), orders_of(rotation_hz, source), [line(frequency_hz)], spindle).vibrations
+    assert vibration.on_order is on_order
 
 
 @pytest.mark.parametrize(
@@ -115,6 +175,6 @@ def test_probability_is_that_of_the_normal_distribution(damping, sd, below, prob
 
 
 def test_spindle_order_is_the_frequency_in_revolutions():
-    """At 1656 rpm 993.6 Hz is the 36th order; without a speed there is none."""
-    assert spindle_order(993.6, SpindleSettings(speed_rpm=1656.0, teeth=6)) == pytest.approx(36.0)
-    assert spindle_order(993.6, SpindleSettings()) is None
+    """At 27.6 revolutions a second 993.6 Hz is the 36th order; without a speed there is none."""
+    assert spindle_order(993.6, orders_of(27.6, "found")) == pytest.approx(36.0)
+    assert spindle_order(993.6, orders_of()) is None
