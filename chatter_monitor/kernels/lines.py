@@ -199,19 +199,6 @@ def rise(reliefs, head, frames, b, scratch):
 
 
 @njit(**OPTIONS)
-def usual(reliefs, head, reach, b, scratch):
-    """Largest median prominence over the ring among the bins within ``reach`` of a bin: what stood out there before."""
-    rows = reliefs.shape[0]
-    count = min(head, rows)
-    most = 0.0
-    for i in range(max(1, b - reach), min(reliefs.shape[1], b + reach + 1)):
-        for back in range(count):
-            scratch[back] = reliefs[back, i]
-        most = max(most, median(scratch[:count]))
-    return most
-
-
-@njit(**OPTIONS)
 def _moments(values):
     """Mean and standard deviation."""
     n = values.shape[0]

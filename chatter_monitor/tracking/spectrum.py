@@ -47,7 +47,7 @@ class Line:
         Logarithm of its present amplitude over the median of the last second, and of the last six, beyond what its
         surroundings have risen: a cut that begins or grows louder lifts everything.
     usual_db : float
-        What stood out near it, in the median of the last seconds: a mode that is driven is heard before it chatters.
+        What stood out near it, in the mean of the last seconds: a mode that is driven is heard before it chatters.
     coherence : tuple of float
         Correlation of its complex amplitude after 25, 50, 100 and 200 ms: exp(-zeta omega t) for a mode.
     """
@@ -101,6 +101,7 @@ class Spectrum:
         self._lowest = round(LOWEST_HZ / self._bin_hz)
         self._sums = np.zeros(bins + 1)
         self._reliefs = np.zeros((round(LONG_S * rows / HISTORY_S) // HOPS, bins))
+        self._reliefs_sum = np.zeros(bins)
         self._frames = 0
         self._scratch = np.zeros(max(rows, len(self._reliefs)))
         self._measures = np.zeros(lines.MEASURES)
@@ -121,7 +122,9 @@ class Spectrum:
             return []
         relief = self._reliefs[self._frames % len(self._reliefs)]
         self._frames += 1
+        self._reliefs_sum -= relief
         lines.stand_out(self._power, self._lowest, self._sums, relief)
+        self._reliefs_sum += relief
         count = lines.most_prominent(relief, self._lowest, self._peaks)
         return [self._line(int(peak)) for peak in self._peaks[:count]]
 
@@ -133,7 +136,8 @@ class Spectrum:
             float(lines.rise(self._reliefs, self._frames, frames, peak, self._scratch))
             for frames in (len(self._valid) // HOPS, len(self._reliefs))
         )
-        reach = max(2, round(NEAR * peak))
+        reach = max(2, min(round(NEAR * peak), peak))
+        frames_known = min(self._frames, len(self._reliefs))
         before, here, after = np.log(np.maximum(self._power[peak - 1 : peak + 2], 1e-300)).tolist()
         bend = before - 2.0 * here + after
         offset = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
@@ -147,6 +151,6 @@ class Spectrum:
             growth_sd_per_s=growth_sd / self._hop_s,
             rise=rise,
             long_rise=long_rise,
-            usual_db=DECIBELS * float(lines.usual(self._reliefs, self._frames, reach, peak, self._scratch)),
+            usual_db=DECIBELS * float(self._reliefs_sum[peak - reach : peak + reach + 1].max()) / frames_known,
             coherence=tuple(coherence),
         )

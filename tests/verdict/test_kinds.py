@@ -59,7 +59,7 @@ def test_a_calm_line_from_the_start_is_forced():
 def test_growth_makes_it_self_excited():
     """Growth for half a second out of noise is an alarm, and growing until it is steady."""
     history = followed(*[GROWS] * 10)
-    assert history[-1].self_excited > 0.99
+    assert history[-1].self_excited > 0.95
     assert history[-1].growing > history[-1].saturated
 
 
@@ -136,7 +136,7 @@ def test_more_growth_is_more_growing(weights, before, more, on_order):
     """Of two frames alike but for growth, the one with more of it makes growing likelier, and nothing else."""
     kinds = Kinds(*(w / sum(weights) for w in weights))
     less, grown = (
-        follow(kinds, Likeness(g, before.calm), on_order=on_order) for g in (before.growth, before.growth + more)
+        follow(kinds, Likeness(g, before.calm), doubted=on_order) for g in (before.growth, before.growth + more)
     )
     assert grown.growing > less.growing
     assert all(a <= b for a, b in zip(grown[::2] + grown[3:], less[::2] + less[3:], strict=True))
@@ -162,7 +162,7 @@ values = st.floats(allow_nan=False)
 @settings(max_examples=300, derandomize=True, deadline=None)
 @given(
     st.builds(
-        Line, st.floats(50.0, 6400.0), st.floats(0.0, 1.0), values, st.floats(0.0), values, values, values, values, values,
+        Line, st.floats(50.0, 6400.0), st.floats(0.0, 1.0), values, st.floats(0.0), *[values] * 5,
         st.tuples(*[st.floats(0.0, 1.0)] * 4),
     ),
     st.none() | values,
