@@ -44,11 +44,11 @@ def frame(*, damping=(0.02, 0.001), share=(0.5, 0.5), status=None, flags=Flag.NO
     status = np.asarray(status, dtype=np.uint8)
     for column in columns:
         column[np.isin(status, [REAL_PAIR, STARTING])] = np.nan
-    return OdpFrame(0, 0, 12_800.0, *columns, status, np.array(share), np.zeros(N), rms=rms, flags=flags)
+    return OdpFrame(0, 0, 12_800.0, *columns, status, np.array(share), rms=rms, flags=flags)
 
 
 def line(frequency_hz, share=0.5):
-    return Line(frequency_hz, share, 20.0, 0.3, 0.0, 1.0, 0.0, 0.0, (0.9, 0.8, 0.7, 0.6))
+    return Line(frequency_hz, share, 20.0, 0.3, 0.0, 1.0, 0.0, 0.0, 15.0, (0.9, 0.8, 0.7, 0.6))
 
 
 def orders_of(rotation_hz=None, source=None, share=0.0):
