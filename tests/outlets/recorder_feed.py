@@ -37,7 +37,9 @@ def frame(interval: int, channel: int = 0) -> OdpFrame:
     rng = np.random.default_rng([interval, channel])
     floats = [rng.standard_normal((INTERVAL, MODES)).astype(np.float32) for _ in range(4)]
     status = rng.integers(0, 4, (INTERVAL, MODES)).astype(np.uint8)
-    return OdpFrame(channel, interval * INTERVAL, RATE_HZ, *floats, status, np.array([0.5, 0.4]), np.zeros(INTERVAL), rms=0.1)
+    return OdpFrame(
+        channel, interval * INTERVAL, RATE_HZ, *floats, status, np.array([0.5, 0.4]), signal=np.zeros(INTERVAL), rms=0.1
+    )
 
 
 def verdict(interval: int, state: State, channel: int = 0) -> Verdict:
