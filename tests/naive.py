@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import linregress
 
-from chatter_monitor.kernels import rarma
+from chatter_monitor.kernels import lines, rarma
 
 
 @dataclass
@@ -106,3 +107,38 @@ class NaiveRarma:
             sd = np.sqrt(np.einsum("ki,ij,kj->k", gradient, covariance, gradient))
             result.append((*meaning(mu), *sd))
         return result
+
+
+def prominence(power: NDArray[np.float64], lowest: int) -> NDArray[np.float64]:
+    """Logarithm of each bin less the mean logarithm of the bins around it, its own lobe left out."""
+    level = np.log(power)
+    result = np.zeros(len(power))
+    for b in range(lowest, len(power)):
+        away = abs(np.arange(len(power)) - b)
+        around = (away > lines.LOBE) & (away <= lines.LOBE + lines.AROUND) & (np.arange(len(power)) >= lowest)
+        result[b] = level[b] - level[around].mean()
+    return result
+
+
+def coherence(amplitudes: NDArray[np.complex128], valid: NDArray[np.bool_], lag: int) -> float:
+    """Modulus of the correlation coefficient of amplitudes (oldest first) a lag apart, where both are known."""
+    both = valid[lag:] & valid[:-lag]
+    late, early = amplitudes[lag:][both], amplitudes[:-lag][both]
+    return float(abs(np.vdot(early, late)) / np.sqrt(np.vdot(early, early).real * np.vdot(late, late).real))
+
+
+def variation(amplitudes: NDArray[np.complex128]) -> float:
+    """Coefficient of variation of the modulus."""
+    return float(np.std(abs(amplitudes)) / np.mean(abs(amplitudes)))
+
+
+def growth(amplitudes: NDArray[np.complex128]) -> tuple[float, float]:
+    """Slope of the logarithm of the modulus for each step, and its standard deviation, by least squares."""
+    line = linregress(np.arange(len(amplitudes)), np.log(abs(amplitudes)))
+    return float(line.slope), float(line.stderr)
+
+
+def rise(reliefs: NDArray[np.float64], b: int) -> float:
+    """Logarithm of the newest amplitude of a line (oldest row first) over its upper median, by its prominence."""
+    heights = reliefs[:, b - 1 : b + 2].max(axis=1)
+    return float(0.5 * (heights[-1] - np.sort(heights)[len(heights) // 2]))

@@ -86,21 +86,23 @@ class Band:
         )
         self._filled += len(signal)
 
-    def frame(self, first_sample: int, samples: int) -> Columns:
-        """Values at every sample of the source in a frame, each held until the next is known.
+    @property
+    def columns(self) -> Columns:
+        """Values since the last frame, at the band's rate; row 0 is the last one before."""
+        return tuple(column[: self._filled] for column in self._columns)
 
-        Parameters
-        ----------
-        first_sample, samples : int
-            The frame, which ends at the last sample processed.
-        """
+    def rows(self, first_sample: int, samples: int) -> NDArray[np.intp]:
+        """Row of `columns` that holds at each sample of the source in a frame, which ends at the last one processed."""
         decimation = 2**self.octave  # the first of so many samples makes an output
-        made = np.arange(first_sample, first_sample + samples) // decimation - (first_sample - 1) // decimation
-        held = tuple(column[made] for column in self._columns)
+        made: NDArray[np.intp] = np.arange(first_sample, first_sample + samples) // decimation
+        made -= (first_sample - 1) // decimation
+        return made
+
+    def next_frame(self) -> None:
+        """Keep the last values only."""
         for column in self._columns:
             column[0] = column[self._filled - 1]
         self._filled = 1
-        return held
 
     def powers(self) -> NDArray[np.float64]:
         """Power of each mode at this moment, by the model and the recent power of the band's signal."""
@@ -127,11 +129,13 @@ class Vibration:
     frequency_hz: float
     power: float
 
-    def distance(self, later: Vibration) -> tuple[bool, float]:
-        """How unlike a vibration of a later frame is: the recursion's own mode goes before one of nearer frequency."""
-        moved = abs(math.log(later.frequency_hz / self.frequency_hz))
-        same = (self.band, self.mode) == (later.band, later.mode) and moved < LOYALTY
-        return not same, moved
+    def distance(self, later: Vibration) -> float:
+        """How far a vibration of a later frame is, as the logarithm of the frequencies' ratio."""
+        return abs(math.log(later.frequency_hz / self.frequency_hz))
+
+    def is_mode_of(self, later: Vibration) -> bool:
+        """Whether the recursion takes both for the same mode."""
+        return (self.band, self.mode) == (later.band, later.mode)
 
 
 class Slots:
@@ -148,13 +152,14 @@ class Slots:
     def __init__(self, bands: list[Band], count: int) -> None:
         self._bands = bands
         self._last: list[Vibration | None] = [None] * count
+        self._present = [False] * count
 
-    def assign(self, columns: list[Columns]) -> list[Vibration | None]:
-        """Vibration of each slot; None where there is none."""
-        chosen = self._distinct(self._candidates(columns))[: len(self._last)]
+    def assign(self, rows: list[NDArray[np.intp]]) -> list[Vibration | None]:
+        """Vibration of each slot in a frame that shows these rows of each band; None where there is none."""
+        chosen = self._distinct(self._candidates(rows))[: len(self._last)]
         slots: list[Vibration | None] = [None] * len(self._last)
         pairs = sorted(
-            (*known.distance(new), slot, i)
+            (*self._rank(slot, known, new), slot, i)
             for slot, known in enumerate(self._last)
             if known is not None
             for i, new in enumerate(chosen)
@@ -169,12 +174,25 @@ class Slots:
             if i not in placed:
                 slots[next(free)] = new
         self._last = [new or known for new, known in zip(slots, self._last, strict=True)]
+        self._present = [new is not None for new in slots]
         return slots
 
-    def _candidates(self, columns: list[Columns]) -> list[Vibration]:
+    def _rank(self, slot: int, known: Vibration, new: Vibration) -> tuple[int, float]:
+        """What goes on before what comes back.
+
+        Of what goes on, the recursion's own mode goes first, then the strongest that is near: when another octave takes
+        a vibration over, a weak mode beside it may happen to be nearer.
+        """
+        distance = known.distance(new)
+        if not self._present[slot] or distance > LOYALTY:
+            return 2, distance
+        return (0, distance) if known.is_mode_of(new) else (1, -known.power)
+
+    def _candidates(self, rows: list[NDArray[np.intp]]) -> list[Vibration]:
         owned = {(known.band, known.mode) for known in self._last if known is not None}
         found = []
-        for index, (band, (frequency, *_, status)) in enumerate(zip(self._bands, columns, strict=True)):
+        for index, (band, shown) in enumerate(zip(self._bands, rows, strict=True)):
+            frequency, *_, status = (column[shown[0] :] for column in band.columns)
             low, high = band.home_hz
             powers = band.powers().tolist()
             for mode, power in enumerate(powers):

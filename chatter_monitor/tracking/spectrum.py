@@ -91,10 +91,9 @@ class Spectrum:
         self._spectra = np.zeros((rows, bins), complex)
         self._valid = np.zeros(rows, bool)
         self._head = 0
-        # refers the phase of every transform to the same time; repeats when hops make up whole transforms
-        cycle = self._points // math.gcd(self._points, self._hop)
-        starts = np.arange(cycle)[:, np.newaxis] * self._hop
-        self._turns = np.exp(-2j * np.pi * (starts * np.arange(bins) % self._points) / self._points)
+        # powers of the root of unity, which refer the phase of every transform to the same time
+        self._turns = np.exp(-2j * np.pi * np.arange(self._points) / self._points)
+        self._taken = 0
         self._before = np.full(len(self._window), np.nan)
         self._power = np.zeros(bins)
         self._peaks = np.zeros(LINES, np.int64)
@@ -114,9 +113,11 @@ class Spectrum:
         first = len(signal) - hops * self._hop + self._hop
         pieces = sliding_window_view(known, len(self._window))[first :: self._hop]
         rows = np.arange(self._head, self._head + hops) % len(self._spectra)
-        turns = np.arange(self._head, self._head + hops) % len(self._turns)
+        starts = self._taken + first + self._hop * np.arange(hops)
+        self._taken += len(signal)
+        turns = self._turns[np.outer(starts, np.arange(self._spectra.shape[1])) % self._points]
         self._valid[rows] = np.isfinite(pieces).all(axis=1)
-        self._spectra[rows] = np.fft.rfft(pieces * self._window, self._points) * self._turns[turns]
+        self._spectra[rows] = np.fft.rfft(pieces * self._window, self._points) * turns
         self._head += hops
         if not lines.recent_power(self._spectra, self._valid, self._head, HOPS, self._power):
             return []

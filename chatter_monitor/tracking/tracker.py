@@ -166,10 +166,12 @@ class Tracker:
 
     def _frame(self) -> OdpFrame:
         first_sample = self._next_sample - self._filled
-        columns = [band.frame(first_sample, self._filled) for band in self._bands]
+        rows = [band.rows(first_sample, self._filled) for band in self._bands]
         rms = self._rms()
-        vibrations = self._slots.assign(columns)
-        (frequency, damping, frequency_sd, damping_sd, status), powers = self._in_slots(vibrations, columns)
+        vibrations = self._slots.assign(rows)
+        (frequency, damping, frequency_sd, damping_sd, status), powers = self._in_slots(vibrations, rows)
+        for band in self._bands:
+            band.next_frame()
         total = max(rms * rms, powers.sum())
         frame = OdpFrame(
             channel=self._channel,
@@ -192,21 +194,21 @@ class Tracker:
         return frame
 
     def _in_slots(
-        self, vibrations: list[Vibration | None], columns: list[Columns]
+        self, vibrations: list[Vibration | None], rows: list[NDArray[np.intp]]
     ) -> tuple[Columns, NDArray[np.float64]]:
-        """Columns by slot instead of by band and mode, and the power in each slot."""
+        """Columns by slot instead of by band and mode, a row for each sample of the source; the power in each slot."""
         slotted = new_columns(self._filled, len(vibrations))
         powers = np.zeros(len(vibrations))
         for slot, vibration in enumerate(vibrations):
             if vibration is None:  # as a pair of real poles: no frequency; held or starting as its neighbours
                 for column in slotted[:4]:
                     column[:, slot] = np.nan
-                status = columns[0][4][:, 0]
+                status = self._bands[0].columns[4][rows[0], 0]
                 slotted[4][:, slot] = np.where(status == ModeStatus.OSCILLATORY, ModeStatus.REAL_PAIR, status)
             else:
                 powers[slot] = vibration.power
-                for into, column in zip(slotted, columns[vibration.band], strict=True):
-                    into[:, slot] = column[:, vibration.mode]
+                for into, column in zip(slotted, self._bands[vibration.band].columns, strict=True):
+                    into[:, slot] = column[rows[vibration.band], vibration.mode]
         return slotted, powers
 
     def _rms(self) -> float:

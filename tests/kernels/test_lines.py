@@ -1,0 +1,113 @@
+"""Lines of a short-time spectrum against their naive twins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from chatter_monitor.kernels import lines
+from tests import naive
+
+HOPS, BINS, LOWEST = 80, 65, 2
+
+
+def ring(seed: int, missing: tuple[int, ...] = ()):
+    """Random transforms, oldest first, which of them are valid; and the same as a ring with its head."""
+    rng = np.random.default_rng(seed)
+    ordered = rng.standard_normal((HOPS, BINS)) + 1j * rng.standard_normal((HOPS, BINS))
+    valid = np.ones(HOPS, bool)
+    valid[list(missing)] = False
+    head = HOPS + int(rng.integers(HOPS))
+    return ordered, valid, (np.roll(ordered, head, axis=0), np.roll(valid, head), head)
+
+
+def describe(transforms, power, b):
+    out = np.full(lines.MEASURES, np.nan)
+    lines.describe(*transforms, power, LOWEST, b, np.zeros(HOPS), out)
+    return out
+
+
+def stand_out(power):
+    result = np.full(BINS, np.nan)
+    lines.stand_out(power, LOWEST, np.zeros(BINS + 1), result)
+    return result
+
+
+@pytest.mark.parametrize("missing", [(), (79,), (76, 78)])
+def test_recent_power_is_the_mean_of_the_valid_hops(missing):
+    """Power of each bin is the mean over those of the newest four hops that hold samples."""
+    ordered, valid, transforms = ring(1, missing)
+    power = np.zeros(BINS)
+    assert lines.recent_power(*transforms, 4, power) == 4 - len(missing)
+    np.testing.assert_allclose(power, (abs(ordered[-4:][valid[-4:]]) ** 2).mean(axis=0))
+
+
+def test_no_power_without_samples():
+    """Four hops without samples have no power, and say so."""
+    power = np.ones(BINS)
+    assert lines.recent_power(*ring(1, (76, 77, 78, 79))[2], 4, power) == 0
+    assert not power.any()
+
+
+def test_prominence_is_that_of_the_twin():
+    """Every bin, those at both ends of the band included, stands out as the plain definition says."""
+    power = np.random.default_rng(2).exponential(size=BINS)
+    power[30] *= 1000
+    np.testing.assert_allclose(stand_out(power), naive.prominence(power, LOWEST), atol=1e-12)
+
+
+def test_prominence_does_not_depend_on_the_gain():
+    """A louder signal has the same prominence."""
+    power = np.random.default_rng(3).exponential(size=BINS)
+    np.testing.assert_allclose(stand_out(1e9 * power), stand_out(power), atol=1e-9)
+
+
+def test_most_prominent_are_maxima_a_lobe_apart():
+    """Peaks come in order of their height; what is within the lobe of a higher one, or no maximum, is none."""
+    heights = np.zeros(BINS)
+    heights[[10, 12, 30, 31, 50]] = 5.0, 4.0, 9.0, 8.5, 1.0
+    peaks = np.zeros(5, np.int64)
+    count = lines.most_prominent(heights, LOWEST, peaks)
+    assert peaks[: min(count, 3)].tolist() == [30, 10, 50]
+
+
+@pytest.mark.parametrize("missing", [(), tuple(range(20, 33)), (0, 79)])
+@pytest.mark.parametrize("b", [2, 33, 63])
+def test_measures_are_those_of_the_twins(missing, b):
+    """Share, variation, growth and coherence of a line are as defined plainly, with hops missing or not."""
+    ordered, valid, transforms = ring(4, missing)
+    power = np.random.default_rng(5).exponential(size=BINS)
+    out = describe(transforms, power, b)
+    known = ordered[valid, b]
+    assert out[lines.SHARE] == pytest.approx(min(power[max(b - 3, 0) : b + 4].sum() / power[LOWEST:].sum(), 1.0))
+    assert out[lines.VARIATION] == pytest.approx(naive.variation(known[-HOPS // 2 :]))
+    expected = naive.growth(known[-lines.GROWTH_HOPS :])
+    assert (out[lines.GROWTH], out[lines.GROWTH_SD]) == pytest.approx(expected)
+    found = out[lines.COHERENCE :]
+    assert found == pytest.approx([naive.coherence(ordered[:, b], valid, lag) for lag in lines.LAGS])
+
+
+def test_too_few_hops_tell_the_share_only():
+    """Before there are as many hops as growth is fitted to, nothing but the share is told; in silence nothing."""
+    _, _, transforms = ring(6, (0, 1, *range(lines.GROWTH_HOPS + 1, HOPS)))
+    out = describe(transforms, np.ones(BINS), 20)
+    assert out[lines.SHARE] == pytest.approx(7 / (BINS - LOWEST))
+    assert not out[lines.VARIATION :].any()
+    assert not describe(ring(6)[2], np.zeros(BINS), 20).any()
+
+
+@pytest.mark.parametrize(("head", "frames"), [(9, 5), (9, 9), (30, 7), (30, 12), (30, 40), (2, 12)])
+def test_rise_is_that_of_the_twin(head, frames):
+    """Rise is taken over as many frames as asked for, as have been, and as are kept, whichever is least."""
+    rows, b = 12, 20
+    history = np.random.default_rng(7).standard_normal((head, BINS))
+    kept = np.zeros((rows, BINS))
+    for index, relief in enumerate(history):
+        kept[index % rows] = relief
+    expected = naive.rise(history[-min(frames, rows) :], b)
+    assert lines.rise(kept, head, frames, b, np.zeros(rows)) == pytest.approx(expected)
+
+
+def test_the_first_frame_has_not_risen():
+    """There is nothing to have risen from."""
+    assert lines.rise(np.ones((12, BINS)), 1, 12, 20, np.zeros(12)) == 0.0

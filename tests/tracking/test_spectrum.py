@@ -1,0 +1,117 @@
+"""Lines of signals whose behaviour is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from chatter_monitor.tracking.spectrum import WINDOW_S, Spectrum
+from tests.signals import RATE_HZ, vibration
+
+INTERVAL = 640
+
+
+def frames(signal, rate_hz=RATE_HZ, interval=INTERVAL):
+    """Lines of each frame of a signal."""
+    spectrum = Spectrum(rate_hz, interval)
+    return [spectrum.take(signal[first : first + interval]) for first in range(0, len(signal), interval)]
+
+
+def times(seconds, rate_hz=RATE_HZ):
+    return np.arange(round(seconds * rate_hz)) / rate_hz
+
+
+def noise(samples, rms, seed=1):
+    return rms * np.random.default_rng(seed).standard_normal(samples)
+
+
+@pytest.mark.parametrize(("rate_hz", "interval"), [(12_800.0, 640), (11_025.0, 551)])
+def test_a_tone_is_one_steady_line(rate_hz, interval):
+    """A tone in little noise is found within 2 Hz, carries the power, does not vary, grow or lose coherence."""
+    t = times(2.0, rate_hz)
+    line = frames(np.sin(2 * np.pi * 1234.5 * t) + noise(len(t), 0.01), rate_hz, interval)[-1][0]
+    assert line.frequency_hz == pytest.approx(1234.5, abs=2.0)
+    assert line.share > 0.98
+    assert line.prominence_db > 30.0
+    assert line.variation < 0.01
+    assert abs(line.growth_per_s) < 0.1
+    assert abs(line.rise) < 0.5
+    assert min(line.coherence) > 0.999
+    assert line.damping_ratio < 1e-5
+
+
+def test_a_mode_that_noise_drives_loses_coherence_as_its_damping_says():
+    """From 50 to 100 ms the coherence falls by exp(-zeta omega t), and the modulus varies as a Rayleigh one does."""
+    frequency_hz, damping = 1500.0, 0.0015
+    decay = damping * 2 * np.pi * frequency_hz
+    seen = [found[0] for found in frames(vibration(round(60 * RATE_HZ), [(frequency_hz, damping)]))[40:]]
+    coherence = np.mean([line.coherence for line in seen], axis=0)
+    assert coherence[1] / coherence[0] == pytest.approx(math.exp(-decay * 0.025), abs=0.06)
+    assert coherence[0] == pytest.approx(math.exp(-decay * WINDOW_S), abs=0.08)
+    assert np.mean([line.variation for line in seen]) == pytest.approx(0.5, abs=0.15)
+    assert np.median([line.damping_ratio for line in seen]) == pytest.approx(damping, rel=0.35)
+    assert np.median([line.frequency_hz for line in seen]) == pytest.approx(frequency_hz, abs=5.0)
+
+
+@pytest.mark.parametrize("rate_per_s", [20.0, -10.0])
+def test_exponential_growth_is_found(rate_per_s):
+    """An amplitude exp(g t) reads g within 3 %, and as certain as it is."""
+    t = times(1.0)
+    line = frames(np.exp(rate_per_s * t) * np.sin(2 * np.pi * 900 * t))[-1][0]
+    assert line.growth_per_s == pytest.approx(rate_per_s, rel=0.03)
+    assert line.growth_sd_per_s < 1.0
+
+
+def test_a_line_that_appears_rises_and_a_louder_cut_does_not():
+    """What grows tenfold out of the noise has risen; when everything grows tenfold, nothing has."""
+    t = times(4.0)
+    tone, floor = np.sin(2 * np.pi * 900 * t), noise(len(t), 0.3)
+    later = t >= 3.5
+    alone = frames(np.where(later, 10.0, 1.0) * tone + floor)[-1][0]
+    together = frames(np.where(later, 10.0, 1.0) * (tone + floor))[-1][0]
+    for rise in (alone.long_rise, alone.rise):
+        assert rise == pytest.approx(math.log(10.0), abs=0.7)
+    assert abs(together.long_rise) < 0.7
+
+
+def test_lines_come_most_prominent_first():
+    """Of two tones the stronger one is first, and they are told apart."""
+    t = times(1.0)
+    found = frames(np.sin(2 * np.pi * 700 * t) + 5 * np.sin(2 * np.pi * 2500 * t) + noise(len(t), 0.1))[-1]
+    assert [line.frequency_hz for line in found[:2]] == pytest.approx([2500, 700], abs=3.0)
+    prominences = [line.prominence_db for line in found]
+    assert prominences == sorted(prominences, reverse=True)
+
+
+def test_missing_samples_have_no_lines_and_leave_no_trace():
+    """While samples are missing there is nothing; afterwards a tone is as steady as before, phase and all."""
+    t = times(3.0)
+    signal = np.sin(2 * np.pi * 900 * t) + noise(len(t), 0.01)
+    signal[12_000:14_000] = np.nan
+    found = frames(signal)
+    assert found[20] == []  # samples 12800 to 13440
+    assert all(found[:19])
+    after = found[24][0]
+    assert after.frequency_hz == pytest.approx(900, abs=2.0)
+    assert min(after.coherence) > 0.999
+    assert after.variation < 0.02
+
+
+@pytest.mark.parametrize("samples", [1, 159, 160, 300, 639])
+def test_a_short_last_frame(samples):
+    """A last frame of any length has the lines of the window that ends with it."""
+    t = times(1.0)
+    signal = np.sin(2 * np.pi * 900 * t) + noise(len(t), 0.01)
+    *_, last = frames(signal[: 15 * INTERVAL + samples])
+    assert last[0].frequency_hz == pytest.approx(900, abs=2.0)
+    assert min(last[0].coherence) > 0.99
+
+
+def test_silence_has_no_numbers_that_are_none():
+    """Zeros give finite values."""
+    for found in frames(np.zeros(12_800)):
+        for line in found:
+            values = (line.share, line.prominence_db, line.variation, line.growth_per_s, line.rise, *line.coherence)
+            assert np.isfinite(values).all()
