@@ -56,14 +56,14 @@ def sound(tmp_path, rate_hz):
 
 @pytest.mark.parametrize("rate_hz", [12_800, 48_000, 8_000])
 def test_a_recorded_event_replays_to_the_same_verdicts(run, tmp_path, rate_hz):
-    """The recording alone gives the same alarm: the same states from the onset to its end, and the same event.
+    """The recording alone gives the same alarm and the same event, two intervals later at most.
 
-    The tracker starts anew pre_s before the onset, so "same" means: after a settling time every interval says
-    chatter or not as it did, from the onset on the whole state is the same, and damping and frequency agree within
-    the confidence interval.
+    The monitor starts anew pre_s before the onset and knows less of what was usual, so "same" means: after a settling
+    time every interval says chatter or not as it did, but for the first two; from then on the whole state is the same,
+    and damping and frequency agree within the confidence interval.
     """
     settings = tmp_path / "machine.toml"
-    settings.write_text("[spindle]\nspeed_rpm = 1685.0\nteeth = 1\n[recorder]\npre_s = 3\npost_s = 2\n")
+    settings.write_text("[spindle]\nspeed_rpm = 1685.0\nteeth = 1\n[recorder]\npre_s = 6\npost_s = 2\n")
     events, first, second = tmp_path / "events", tmp_path / "first.jsonl", tmp_path / "second.jsonl"
     file = sound(tmp_path, rate_hz)
     code, out, _ = run("replay", file, "--config", settings, "--record", events, "--jsonl", first)
@@ -72,24 +72,26 @@ def test_a_recorded_event_replays_to_the_same_verdicts(run, tmp_path, rate_hz):
     (entry,) = EventStore(events).entries()
     recorded = read(entry.json)
     assert recorded.source_rate_hz == rate_hz
-    assert recorded.samples == round((3 + recorded.end_s - recorded.onset_s + 2) * 12_800)
+    assert recorded.samples == round((6 + recorded.end_s - recorded.onset_s + 2) * 12_800)
 
     code, out, _ = run("replay", entry.path / recorded.recording, "--jsonl", second, "--json")
     assert code == 0
     (event,) = json.loads(out)["events"]
     offset_s = recorded.first_sample / 12_800
-    assert event["onset_s"] + offset_s == pytest.approx(recorded.onset_s)
+    late_s = event["onset_s"] + offset_s - recorded.onset_s
+    assert 0.0 <= late_s <= 0.1001
     assert event["end_s"] + offset_s == pytest.approx(recorded.end_s)
     assert event["peak_frequency_hz"] == pytest.approx(recorded.peak_frequency_hz, rel=0.005)
     before = verdicts(first)
-    onset = round(recorded.onset_s * 12_800)
+    onset = round((recorded.onset_s + late_s) * 12_800)
+    begins = range(round(recorded.onset_s * 12_800), onset)
     for sample, again in verdicts(second).items():
         at = sample + recorded.first_sample
-        if again["t0"] >= SETTLING_S:
+        if again["t0"] >= SETTLING_S and at not in begins:
             assert (before[at]["state"] == "self_excited") == (again["state"] == "self_excited")
         if at >= onset:
             assert again["state"] == before[at]["state"]
-        if before[at]["state"] == "self_excited":
+        if before[at]["state"] == "self_excited" and before[at]["damping_ratio_ci95"] and at >= onset:
             low, high = before[at]["damping_ratio_ci95"]
             assert low <= again["damping_ratio"] <= high
 

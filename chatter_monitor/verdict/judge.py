@@ -23,6 +23,12 @@ DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 UNHEARD_DB = 8.0
 ENTRY_RISE = 0.7
 ENTRY_INTERVALS = 52
+COHERENT = 0.7
+# A vibration is over when its amplitude has fallen below half of what it was for seconds (natural logarithm): that of a
+# saturated one does not, whatever its damping reads.
+DIED_DOWN = -0.7
+# For some intervals it may stand out less than its own harmonics; for longer it is over, too.
+NOT_HEARD = Likeness(-3.0, -3.0)
 
 # Weight of an interval in the average of the synchronous share: half a second of intervals.
 AVERAGING = 0.1
@@ -129,6 +135,7 @@ def suspect(evidence: Evidence) -> Suspect:
         (vibration, likeness(vibration.line, None if vibration.mode is None else vibration.mode.damping_ratio))
         for vibration in evidence.vibrations
     ]
+    seen = [(vibration, _in_doubt(vibration, like)) for vibration, like in seen]
     most, growing = max(seen, key=lambda pair: pair[1].growth)
     steady, calm = max(seen, key=lambda pair: pair[1].calm)
     main = most if growing.growth > calm.calm else steady
@@ -142,9 +149,21 @@ def heard_again(evidence: Evidence, frequency_hz: float) -> Vibration | None:
     return vibration if distance < SAME_VIBRATION else None
 
 
+def _is_unheard(vibration: Vibration) -> bool:
+    """Whether it rose where nothing stood out before."""
+    return vibration.line.usual_db < UNHEARD_DB and vibration.line.long_rise > ENTRY_RISE
+
+
+def _in_doubt(vibration: Vibration, like: Likeness) -> Likeness:
+    """A cut that begins wakes modes that noise drives: what rises out of nothing is growth only if it is coherent."""
+    if _is_unheard(vibration) and vibration.line.coherence[0] < COHERENT:
+        return Likeness(min(like.growth, 0.0), like.calm)
+    return like
+
+
 def _since_entry(before: int | None, vibration: Vibration | None) -> int | None:
     """Intervals since something rose where nothing had been; None again when that is over and done with."""
-    unheard = vibration is not None and vibration.line.usual_db < UNHEARD_DB and vibration.line.long_rise > ENTRY_RISE
+    unheard = vibration is not None and _is_unheard(vibration)
     if before is None:
         return 0 if unheard else None
     return before + 1 if before < ENTRY_INTERVALS or unheard else None
@@ -265,11 +284,18 @@ class Judge:
         since_entry = _since_entry(memory.since_entry, vibration)
         entering = since_entry is not None and since_entry < ENTRY_INTERVALS
         on_order = vibration is not None and vibration.on_order
-        kinds = follow(memory.kinds, found.likeness, doubted=on_order or entering)
-        alarm = kinds.self_excited >= (settings.calm_probability if memory.alarm else settings.alarm_probability)
         chatter_hz = memory.chatter_hz
+        seen = found.likeness
         if chatter_hz is not None:
             vibration = heard_again(evidence, chatter_hz)
+            if vibration is None:
+                seen = NOT_HEARD
+            elif vibration.line.long_rise < DIED_DOWN:
+                seen = NOTHING
+        kinds = follow(memory.kinds, seen, doubted=on_order or entering)
+        alarm = kinds.self_excited >= (settings.calm_probability if memory.alarm else settings.alarm_probability)
+        if memory.alarm and not alarm:
+            kinds = PRIOR  # what is over does not come back for want of evidence against it
         if vibration is not None:
             chatter_hz = vibration.line.frequency_hz
         share = memory.synchronous + AVERAGING * (evidence.orders.synchronous_share - memory.synchronous)
