@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 from scipy.io import loadmat
 
-from chatter_monitor.discrepancy import conclude, examine, recorded_from
+from chatter_monitor.discrepancy.conclude import conclude
+from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
 from chatter_monitor.discrepancy.innovations import known_forces
 from chatter_monitor.kernels.signatures import Motion, observe
 from chatter_monitor.physics.model import MachiningSystem

@@ -10,8 +10,9 @@ import msgspec
 import numpy as np
 
 from chatter_monitor.acquisition.recording import Recording
-from chatter_monitor.discrepancy import conclude, examine, recorded_from
 from chatter_monitor.discrepancy.band import Recorded
+from chatter_monitor.discrepancy.conclude import conclude
+from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
 from chatter_monitor.discrepancy.report import Report
 from chatter_monitor.discrepancy.show import page
 from chatter_monitor.errors import EnvironmentFault, InputError

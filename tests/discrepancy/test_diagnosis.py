@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chatter_monitor.discrepancy import Diagnosis, conclude, examine, recorded_from
+from chatter_monitor.discrepancy.conclude import Diagnosis, conclude
+from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import Mode, Sensor, Spindle
 from tests.discrepancy.machine import Machine, coefficient, record
