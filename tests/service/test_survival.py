@@ -91,8 +91,8 @@ def test_the_scale_does_not_matter(replay_samples, bar, reference, gain):
 def test_the_scale_does_not_matter_to_the_damping(replay_samples, bar, reference, gain):
     """Where the gain changes no bit of a mantissa, damping is the same to 1e-4.
 
-    Other gains round every sample anew. The recursion of the lowest octave, 128 samples of memory for 7 coefficients, may
-    then settle on other modes where nothing stands out (decision 11).
+    Other gains round every sample anew. The recursion of the lowest octave, 128 samples of memory for 7 coefficients,
+    may then settle on other modes where nothing stands out (decision 11).
     """
     damping, expected = (
         np.array([verdict["damping_ratio"] for verdict in outcome.of("verdict")], dtype=float)
