@@ -169,7 +169,7 @@ class Timeline(Outlet):
                         highlight=False,
                     )
             totals = ", ".join(f"{LOOK[s][0]} {t:.1f} s" for s, t in sorted(summary.seconds_in[channel].items()))  # type: ignore[index]
-            console.print(f"  {summary.duration_s:.1f} s in all: {totals}.", highlight=False)
+            console.print(f"  {summary.duration_s:.1f} s in all: {totals}.", highlight=False, soft_wrap=True)
         for count, what in (
             (summary.samples_missing, "promised by the file's header are not there"),
             (summary.samples_lost, "were lost"),
