@@ -92,8 +92,7 @@ def seen(cut: Cut, *, speed_known: bool) -> list[list[Seen]]:
                 kind = CALM if own and calm else None
             elif truth.label[i] in (Label.OTHER, Label.FORCED):
                 kind = CALM if calm else NOISE
-            damping_ratio = None if vibration.mode is None else vibration.mode.damping_ratio
-            lines.append(Seen(measures(line, damping_ratio), kind, vibration.on_order))
+            lines.append(Seen(measures(line, vibration.damping_ratio), kind, vibration.on_order))
         intervals.append(lines)
     return intervals
 
@@ -126,7 +125,10 @@ def fit(x: NDArray[np.float64], kind: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def alarms(intervals: list[list[Seen]], table: NDArray[np.float64], chain: Chain) -> NDArray[np.bool_]:
-    """Intervals that the chain takes for self-excited, as `verdict.judge` does."""
+    """Intervals that the chain by itself takes for self-excited.
+
+    `verdict.judge` adds rules for what rises out of nothing and for what has died down.
+    """
     kinds, alarm = PRIOR, False
     found = np.zeros(len(intervals), bool)
     for i, lines in enumerate(intervals):

@@ -44,7 +44,7 @@ class Line:
     growth_per_s, growth_sd_per_s : float
         Rate at which its amplitude grows, over the last 150 ms, with standard deviation.
     rise, long_rise : float
-        Logarithm of its present amplitude over the median of the last second, and of the last six, beyond what its
+        Logarithm of its present amplitude over the median of the last second, and of the last eight, beyond what its
         surroundings have risen: a cut that begins or grows louder lifts everything.
     usual_db : float
         What stood out near it, in the mean of the last seconds: a mode that is driven is heard before it chatters.

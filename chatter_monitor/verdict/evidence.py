@@ -60,6 +60,11 @@ class Vibration:
     mode: ModeEvidence | None
     on_order: bool
 
+    @property
+    def damping_ratio(self) -> float:
+        """The mode's, or that of the line where the recursion has none."""
+        return self.line.damping_ratio if self.mode is None else self.mode.damping_ratio
+
 
 @dataclass(frozen=True, slots=True)
 class Evidence:

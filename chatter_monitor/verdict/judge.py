@@ -132,10 +132,9 @@ def suspect(evidence: Evidence) -> Suspect:
     if not evidence.vibrations:
         return Suspect(None, NOTHING)
     seen = [
-        (vibration, likeness(vibration.line, None if vibration.mode is None else vibration.mode.damping_ratio))
+        (vibration, _in_doubt(vibration, likeness(vibration.line, vibration.damping_ratio)))
         for vibration in evidence.vibrations
     ]
-    seen = [(vibration, _in_doubt(vibration, like)) for vibration, like in seen]
     most, growing = max(seen, key=lambda pair: pair[1].growth)
     steady, calm = max(seen, key=lambda pair: pair[1].calm)
     main = most if growing.growth > calm.calm else steady
@@ -271,15 +270,15 @@ class Judge:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         else:
             found = suspect(evidence)
-            memory = self._believe(memory, evidence, found)
-            if memory.chatter_hz is not None:
-                found = replace(found, vibration=heard_again(evidence, memory.chatter_hz))
+            memory, heard = self._believe(memory, evidence, found)
+            if memory.alarm:
+                found = replace(found, vibration=heard)
             view = opinion(evidence, memory, found, settings)
         self._memory = memory
         return self._record(view, evidence, first_sample, samples, sample_rate_hz)
 
-    def _believe(self, memory: Memory, evidence: Evidence, found: Suspect) -> Memory:
-        """Follow the probabilities by what an interval shows."""
+    def _believe(self, memory: Memory, evidence: Evidence, found: Suspect) -> tuple[Memory, Vibration | None]:
+        """Follow the probabilities by what an interval shows; also gives what is heard of the alarm's vibration."""
         settings, vibration = self._settings, found.vibration
         since_entry = _since_entry(memory.since_entry, vibration)
         entering = since_entry is not None and since_entry < ENTRY_INTERVALS
@@ -299,7 +298,7 @@ class Judge:
         if vibration is not None:
             chatter_hz = vibration.line.frequency_hz
         share = memory.synchronous + AVERAGING * (evidence.orders.synchronous_share - memory.synchronous)
-        return replace(
+        believed = replace(
             memory,
             kinds=kinds,
             alarm=alarm,
@@ -307,6 +306,7 @@ class Judge:
             synchronous=share,
             since_entry=since_entry,
         )
+        return believed, vibration
 
     def _hear(self, level: float) -> Memory:
         """Take note of how loud it is."""
@@ -320,9 +320,8 @@ class Judge:
     ) -> Verdict:
         frequency_hz, mode = _meant(view, evidence)
         half = 1.96 * mode.damping_sd if mode is not None else 0.0
-        damping_ratio = mode.damping_ratio if mode is not None else None
-        if damping_ratio is None and view.vibration is not None:
-            damping_ratio = view.vibration.line.damping_ratio
+        meant = mode if view.vibration is None else view.vibration
+        damping_ratio = None if meant is None else meant.damping_ratio
         return Verdict(
             channel=self._channel,
             t0=first_sample / sample_rate_hz,

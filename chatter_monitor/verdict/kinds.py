@@ -25,7 +25,7 @@ CONVINCING = 8.0
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Constants of the chain; chosen on the development cuts by `benchmarks.verdict.train`.
+    """Constants of the chain, chosen on development cuts; `benchmarks.verdict.train` shows what others would do.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ def measures(line: Line, damping_ratio: float | None) -> tuple[float, ...]:
     """Bounded measures of a line, in the order of the weights.
 
     Prominence (10 dB), log odds of the share of power, coherence after 25 ms (as -log(1 - c)), variation of the
-    amplitude, rise within one second and within six (natural logarithm), decay and growth (as damping ratios in
+    amplitude, rise within one second and within eight (natural logarithm), decay and growth (as damping ratios in
     percent), logarithm of the damping ratio that the tracker reads, or the loss of coherence where it has no mode.
     """
     share = min(max(line.share, 0.01), 0.99)
