@@ -132,10 +132,9 @@ def variation(amplitudes: NDArray[np.complex128]) -> float:
     return float(np.std(abs(amplitudes)) / np.mean(abs(amplitudes)))
 
 
-def growth(amplitudes: NDArray[np.complex128]) -> tuple[float, float]:
-    """Slope of the logarithm of the modulus for each step, and its standard deviation, by least squares."""
-    line = linregress(np.arange(len(amplitudes)), np.log(abs(amplitudes)))
-    return float(line.slope), float(line.stderr)
+def growth(amplitudes: NDArray[np.complex128]) -> float:
+    """Slope of the logarithm of the modulus for each step, by least squares."""
+    return float(linregress(np.arange(len(amplitudes)), np.log(abs(amplitudes))).slope)
 
 
 def rise(reliefs: NDArray[np.float64], b: int) -> float:

@@ -80,7 +80,7 @@ def seen(cut: Cut, *, speed_known: bool) -> list[list[Seen]]:
             line = vibration.line
             own = abs(np.log(line.frequency_hz / truth.frequency_hz[i])) < SAME_VIBRATION
             calm = (
-                line.coherence[0] > CALM_COHERENCE
+                line.coherence > CALM_COHERENCE
                 and line.variation < CALM_VARIATION
                 and abs(line.rise) < CALM_RISE
                 and line.prominence_db > CALM_PROMINENCE_DB

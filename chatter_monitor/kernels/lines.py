@@ -1,51 +1,203 @@
 """Lines of a short-time spectrum: where they are, how they stand out, and how their complex amplitude behaves.
 
-The ring ``spectra[hops, bins]`` holds the latest transforms, ``spectra[head - 1]`` the newest, and ``valid[hops]``
+The ring ``spectra[bins, hops]`` holds the latest transforms, column ``head - 1`` the newest, and ``valid[hops]``
 whether a transform saw samples at all. The amplitudes of one line over the hops are a narrow-band signal at baseband:
 of a mode that noise drives, their correlation decays as exp(-zeta omega t) and their modulus is Rayleigh distributed;
-of a limit cycle or a tone, neither (MATHS section 3).
+of a limit cycle or a tone, neither (MATHS section 3). They lie side by side, because that is how they are read.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from chatter_monitor.kernels.median import median
 from chatter_monitor.kernels.options import OPTIONS
 
+# Transforms of a frame.
+FRAME_HOPS = 4
 # Half width of a line in bins: the main lobe of the Hann window, transformed with 1.6 times its length.
 LOBE = 3
 # Bins on either side, beyond the lobe, that tell the level around a line.
 AROUND = 12
-# Hops between the amplitudes whose correlation is looked at: from no common samples to a fifth of a second.
-LAGS = (2, 4, 8, 16)
+# Hops between the amplitudes whose correlation is looked at: they have no samples in common.
+LAG = 2
 # Added to powers before their logarithm is taken.
 TINY = 1e-300
 # Hops over which growth is fitted.
 GROWTH_HOPS = 12
+# A chattering mode is heard within this relative distance of where it was before.
+NEAR = 0.12
 
-# Indices into what `describe` writes
-SHARE = 0
-VARIATION = 1
-GROWTH = 2
-GROWTH_SD = 3
-COHERENCE = 4  # and one for each further lag
-MEASURES = COHERENCE + len(LAGS)
+# Indices into what is told of a line: the bin that it is at, interpolated; share of the power; coefficient of variation
+# of its modulus over half of the ring; growth of its logarithm in a hop; correlation `LAG` hops apart; how far it
+# stands out; rise within the time of the ring, and within that of the reliefs; what stood out near it on average.
+BIN, SHARE, VARIATION, GROWTH, COHERENCE, PROMINENCE, RISE, LONG_RISE, USUAL = range(9)
+MEASURES = 9
+
+# Indices of `LineState.counts`: hops taken, frames looked at
+TAKEN, FRAMES = range(2)
+
+
+class LineState(NamedTuple):
+    """Rings of transforms and of what stood out.
+
+    Attributes
+    ----------
+    spectra : ndarray of complex128, shape (bins, hops)
+        Phases referred to a common time.
+    valid : ndarray of bool, shape (hops,)
+        Which of them hold samples.
+    turns : ndarray of complex128, shape (points,)
+        Powers of the root of unity.
+    power : ndarray of float64, shape (bins,)
+        Recent power of each bin (`recent_power`).
+    reliefs : ndarray of float64, shape (bins, frames)
+        Ring of prominences (`stand_out`), a column for each frame.
+    relief, relief_sum : ndarray of float64, shape (bins,)
+        The newest, and the sum of all of them.
+    counts : ndarray of int64, shape (2,)
+    sums : ndarray of float64, shape (bins + 1,)
+    scratch : ndarray of float64, shape (max(hops, frames),)
+        Work space like the one before.
+    """
+
+    spectra: np.ndarray
+    valid: np.ndarray
+    turns: np.ndarray
+    power: np.ndarray
+    reliefs: np.ndarray
+    relief: np.ndarray
+    relief_sum: np.ndarray
+    counts: np.ndarray
+    sums: np.ndarray
+    scratch: np.ndarray
+
+
+def new_state(points: int, hops: int, frames: int) -> LineState:
+    """State without samples, for transforms of so many points, and rings of so many hops and frames."""
+    bins = points // 2 + 1
+    return LineState(
+        spectra=np.zeros((bins, hops), np.complex128),
+        valid=np.zeros(hops, np.bool_),
+        turns=np.exp(-2j * np.pi * np.arange(points) / points),
+        power=np.zeros(bins),
+        reliefs=np.zeros((bins, frames)),
+        relief=np.zeros(bins),
+        relief_sum=np.zeros(bins),
+        counts=np.zeros(2, np.int64),
+        sums=np.zeros(bins + 1),
+        scratch=np.zeros(max(hops, frames)),
+    )
+
+
+@njit(**OPTIONS)
+def cut_out(samples, window, first, hop, largest, pieces, valid):
+    """Windowed stretches of samples, each a row of ``pieces[:, points]``, ``hop`` samples apart.
+
+    A stretch with samples that are missing or beyond ``largest`` is not valid; it is left as zeros.
+    """
+    for i in range(pieces.shape[0]):
+        valid[i] = True
+        for t in range(window.shape[0]):
+            sample = samples[first + i * hop + t]
+            valid[i] = valid[i] and abs(sample) < largest
+            pieces[i, t] = sample * window[t]
+        if not valid[i]:
+            pieces[i, :] = 0.0
+
+
+@njit(**OPTIONS)
+def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
+    """Take in the transforms of a frame, find its most prominent lines and describe each.
+
+    Parameters
+    ----------
+    transforms : ndarray of complex128, shape (n, bins)
+        Oldest first; those of a shorter frame are fewer than of others.
+    valid : ndarray of bool, shape (n,)
+        Which of them hold samples.
+    start, hop : int
+        Index of the first one's first sample, and samples from one to the next.
+    lowest : int
+        First bin that counts as vibration.
+    state : LineState
+        Changed in place.
+    peaks : ndarray of int64, shape (lines,)
+        Work space, one for each line at most.
+    measures : ndarray of float64, shape (lines, MEASURES)
+        The result, a row for each line.
+
+    Returns
+    -------
+    int
+        How many lines there are.
+    """
+    spectra, power, reliefs, relief, counts = state.spectra, state.power, state.reliefs, state.relief, state.counts
+    _take(transforms, valid, start, hop, state)
+    if recent_power(spectra, state.valid, counts[TAKEN], FRAME_HOPS, power) == 0:
+        return 0
+    frames = reliefs.shape[1]
+    column = counts[FRAMES] % frames
+    counts[FRAMES] += 1
+    stand_out(power, lowest, state.sums, relief)
+    for b in range(relief.shape[0]):
+        state.relief_sum[b] = state.relief_sum[b] - reliefs[b, column] + relief[b]
+        reliefs[b, column] = relief[b]
+    count = most_prominent(relief, lowest, peaks)
+    recent = state.valid.shape[0] // FRAME_HOPS
+    for i in range(count):
+        b, out = peaks[i], measures[i]
+        describe(spectra, state.valid, counts[TAKEN], power, lowest, b, state.scratch, out)
+        out[BIN] = b + crest(power, b)
+        out[PROMINENCE] = relief[b]
+        out[RISE] = rise(reliefs, counts[FRAMES], recent, b, state.scratch)
+        out[LONG_RISE] = rise(reliefs, counts[FRAMES], frames, b, state.scratch)
+        out[USUAL] = _highest_near(state.relief_sum, b) / min(counts[FRAMES], frames)
+    return count
+
+
+@njit(**OPTIONS)
+def _take(transforms, valid, start, hop, state):
+    """Put transforms into the ring, their phases referred to a common time."""
+    spectra, turns, counts = state.spectra, state.turns, state.counts
+    points = turns.shape[0]
+    for i in range(transforms.shape[0]):
+        column = counts[TAKEN] % state.valid.shape[0]
+        step = (start + i * hop) % points
+        turn = 0
+        for b in range(transforms.shape[1]):
+            spectra[b, column] = transforms[i, b] * turns[turn]
+            turn += step
+            turn -= points if turn >= points else 0
+        state.valid[column] = valid[i]
+        counts[TAKEN] += 1
+
+
+@njit(**OPTIONS)
+def _highest_near(heights, b):
+    """Largest value in the neighbourhood of a bin."""
+    reach = max(2, min(round(NEAR * b), b))
+    highest = heights[b]
+    for near in range(max(0, b - reach), min(heights.shape[0], b + reach + 1)):
+        highest = max(highest, heights[near])
+    return highest
 
 
 @njit(**OPTIONS)
 def recent_power(spectra, valid, head, hops, power):
     """Mean power of each bin over the newest valid hops; returns how many there were."""
-    size, bins = spectra.shape
+    bins, size = spectra.shape
     power[:] = 0.0
     found = 0
     for back in range(1, hops + 1):
-        row = (head - back) % size
-        if not valid[row]:
+        column = (head - back) % size
+        if not valid[column]:
             continue
         found += 1
         for b in range(bins):
-            power[b] += spectra[row, b].real ** 2 + spectra[row, b].imag ** 2
+            power[b] += spectra[b, column].real ** 2 + spectra[b, column].imag ** 2
     if found > 0:
         for b in range(bins):
             power[b] /= found
@@ -106,67 +258,60 @@ def line_power(power, b):
 
 
 @njit(**OPTIONS)
-def median(values):
-    """Median (upper one of two); sorts the values."""
-    for i in range(1, values.shape[0]):
-        value = values[i]
-        j = i
-        while j > 0 and values[j - 1] > value:
-            values[j] = values[j - 1]
-            j -= 1
-        values[j] = value
-    return values[values.shape[0] // 2]
+def crest(power, b):
+    """How far the crest of the parabola through the logarithms of a maximum and its neighbours is from it, in bins."""
+    before, here, after = math.log(power[b - 1] + TINY), math.log(power[b] + TINY), math.log(power[b + 1] + TINY)
+    bend = before - 2.0 * here + after
+    return min(max(0.5 * (before - after) / bend, -0.5), 0.5) if bend < 0.0 else 0.0
 
 
 @njit(**OPTIONS)
 def describe(spectra, valid, head, power, lowest, b, scratch, out):
-    """Measures of the line at bin ``b``, at the indices above.
+    """Share, variation, growth and coherence of the line at bin ``b``: ``out`` at these indices.
 
     Parameters
     ----------
-    spectra : ndarray of complex128, shape (hops, bins)
+    spectra : ndarray of complex128, shape (bins, hops)
         Ring of transforms, phases referred to a common time.
     valid : ndarray of bool, shape (hops,)
         Which of them hold samples.
     head : int
-        Row after the newest.
+        Column after the newest, with or without wrapping.
     power : ndarray, shape (bins,)
         Recent power of each bin (`recent_power`).
     lowest : int
         First bin that counts as vibration.
     b : int
         The line.
-    scratch : ndarray, shape (hops,)
+    scratch : ndarray, shape (>= hops,)
         Work space.
     out : ndarray, shape (MEASURES,)
-        Share of the power; coefficient of variation of the modulus over half of the
-        ring; growth of its logarithm in a hop with standard deviation; correlation at each of `LAGS`.
+        The result; zeros where nothing can be said.
     """
-    size = spectra.shape[0]
+    size = valid.shape[0]
+    out[SHARE : COHERENCE + 1] = 0.0
     total = 0.0
     for i in range(lowest, power.shape[0]):
         total += power[i]
-    out[:] = 0.0
     if not total > 0.0:
         return
-    own = line_power(power, b)
-    out[SHARE] = min(own / total, 1.0)
+    out[SHARE] = min(line_power(power, b) / total, 1.0)
 
+    amplitudes = spectra[b]
     modulus = scratch  # oldest first
     count = 0
     for back in range(size, 0, -1):
-        row = (head - back) % size
-        if valid[row]:
-            modulus[count] = abs(spectra[row, b])
+        now = (head - back) % size
+        if valid[now]:
+            modulus[count] = abs(amplitudes[now])
             count += 1
     if count < GROWTH_HOPS:
         return
     mean, spread = _moments(modulus[max(0, count - size // 2) : count])
     if mean > 0.0:
         out[VARIATION] = spread / mean
-    _growth(modulus[count - GROWTH_HOPS : count], out)
-    for i in range(len(LAGS)):
-        out[COHERENCE + i] = _coherence(spectra, valid, head, b, LAGS[i])
+    out[GROWTH] = _growth(modulus[count - GROWTH_HOPS : count])
+    out[COHERENCE] = _coherence(amplitudes, valid, head)
 
 
 @njit(**OPTIONS)
@@ -175,26 +320,23 @@ def rise(reliefs, head, frames, b, scratch):
 
     Parameters
     ----------
-    reliefs : ndarray, shape (rows, bins)
-        Ring of prominences (`stand_out`), one row a frame.
+    reliefs : ndarray, shape (bins, columns)
+        Ring of prominences (`stand_out`), a column for each frame.
     head : int
-        Row after the newest, counted from the start without wrapping.
+        Column after the newest, counted from the start without wrapping.
     frames : int
         How far to look back.
     b : int
         The bin; what stands out one bin aside is the same line.
-    scratch : ndarray, shape (rows,)
+    scratch : ndarray, shape (>= columns,)
         Work space.
     """
-    rows = reliefs.shape[0]
-    count = min(frames, head, rows)
-    newest = 0.0
+    columns = reliefs.shape[1]
+    count = min(frames, head, columns)
     for back in range(1, count + 1):
-        row = (head - back) % rows
-        height = max(reliefs[row, b - 1], reliefs[row, b], reliefs[row, b + 1])
-        if back == 1:
-            newest = height
-        scratch[back - 1] = height
+        column = (head - back) % columns
+        scratch[back - 1] = max(reliefs[b - 1, column], reliefs[b, column], reliefs[b + 1, column])
+    newest = scratch[0]
     return 0.5 * (newest - median(scratch[:count])) if count > 1 else 0.0
 
 
@@ -212,39 +354,31 @@ def _moments(values):
 
 
 @njit(**OPTIONS)
-def _growth(modulus, out):
-    """Straight line through the logarithm of the modulus: slope per hop and its standard deviation."""
+def _growth(modulus):
+    """Slope per hop of the straight line through the logarithm of the modulus (least squares)."""
     n = modulus.shape[0]
     middle = 0.5 * (n - 1)
-    mean = 0.0
-    for i in range(n):
-        mean += math.log(modulus[i] + TINY) / n
     slope = 0.0
     spread = 0.0
     for i in range(n):
-        slope += (i - middle) * (math.log(modulus[i] + TINY) - mean)
+        slope += (i - middle) * math.log(modulus[i] + TINY)
         spread += (i - middle) ** 2
-    slope /= spread
-    scatter = 0.0
-    for i in range(n):
-        scatter += (math.log(modulus[i] + TINY) - mean - slope * (i - middle)) ** 2
-    out[GROWTH] = slope
-    out[GROWTH_SD] = math.sqrt(scatter / (n - 2) / spread)
+    return slope / spread
 
 
 @njit(**OPTIONS)
-def _coherence(spectra, valid, head, b, lag):
-    """Modulus of the correlation between amplitudes a lag apart."""
-    size = spectra.shape[0]
+def _coherence(amplitudes, valid, head):
+    """Modulus of the correlation between the amplitudes of a line, oldest at ``head``, `LAG` hops apart."""
+    size = amplitudes.shape[0]
     product = complex(0.0, 0.0)
     early = 0.0
     late = 0.0
-    for back in range(1, size + 1 - lag):
+    for back in range(1, size + 1 - LAG):
         now = (head - back) % size
-        then = (head - back - lag) % size
+        then = (head - back - LAG) % size
         if valid[now] and valid[then]:
-            product += spectra[now, b] * np.conj(spectra[then, b])
-            late += abs(spectra[now, b]) ** 2
-            early += abs(spectra[then, b]) ** 2
+            product += amplitudes[now] * np.conj(amplitudes[then])
+            late += amplitudes[now].real ** 2 + amplitudes[now].imag ** 2
+            early += amplitudes[then].real ** 2 + amplitudes[then].imag ** 2
     norm = math.sqrt(early * late)
     return abs(product) / norm if norm > 0.0 else 0.0

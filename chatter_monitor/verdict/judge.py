@@ -155,7 +155,7 @@ def _is_unheard(vibration: Vibration) -> bool:
 
 def _in_doubt(vibration: Vibration, like: Likeness) -> Likeness:
     """A cut that begins wakes modes that noise drives: what rises out of nothing is growth only if it is coherent."""
-    if _is_unheard(vibration) and vibration.line.coherence[0] < COHERENT:
+    if _is_unheard(vibration) and vibration.line.coherence < COHERENT:
         return Likeness(min(like.growth, 0.0), like.calm)
     return like
 

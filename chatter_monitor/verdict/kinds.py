@@ -90,7 +90,7 @@ def measures(line: Line, damping_ratio: float | None) -> tuple[float, ...]:
     return (
         min(max(line.prominence_db, 0.0), 40.0) / 10.0,
         math.log(share / (1.0 - share)),
-        -math.log(1.01 - min(line.coherence[0], 1.0)),
+        -math.log(1.01 - min(line.coherence, 1.0)),
         min(line.variation, 1.0),
         min(max(line.rise, -1.5), 3.5),
         min(max(line.long_rise, -1.5), 3.5),

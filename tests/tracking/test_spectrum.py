@@ -38,18 +38,16 @@ def test_a_tone_is_one_steady_line(rate_hz, interval):
     assert line.variation < 0.01
     assert abs(line.growth_per_s) < 0.1
     assert abs(line.rise) < 0.5
-    assert min(line.coherence) > 0.999
+    assert line.coherence > 0.999
     assert line.damping_ratio < 1e-5
 
 
 def test_a_mode_that_noise_drives_loses_coherence_as_its_damping_says():
-    """From 50 to 100 ms the coherence falls by exp(-zeta omega t), and the modulus varies as a Rayleigh one does."""
+    """Within 25 ms the coherence falls by exp(-zeta omega t), and the modulus varies as a Rayleigh one does."""
     frequency_hz, damping = 1500.0, 0.0015
     decay = damping * 2 * np.pi * frequency_hz
     seen = [found[0] for found in frames(vibration(round(60 * RATE_HZ), [(frequency_hz, damping)]))[40:]]
-    coherence = np.mean([line.coherence for line in seen], axis=0)
-    assert coherence[1] / coherence[0] == pytest.approx(math.exp(-decay * 0.025), abs=0.06)
-    assert coherence[0] == pytest.approx(math.exp(-decay * WINDOW_S), abs=0.08)
+    assert np.mean([line.coherence for line in seen]) == pytest.approx(math.exp(-decay * WINDOW_S), abs=0.08)
     assert np.mean([line.variation for line in seen]) == pytest.approx(0.5, abs=0.15)
     assert np.median([line.damping_ratio for line in seen]) == pytest.approx(damping, rel=0.35)
     assert np.median([line.frequency_hz for line in seen]) == pytest.approx(frequency_hz, abs=5.0)
@@ -57,11 +55,10 @@ def test_a_mode_that_noise_drives_loses_coherence_as_its_damping_says():
 
 @pytest.mark.parametrize("rate_per_s", [20.0, -10.0])
 def test_exponential_growth_is_found(rate_per_s):
-    """An amplitude exp(g t) reads g within 3 %, and as certain as it is."""
+    """An amplitude exp(g t) reads g within 3 %."""
     t = times(1.0)
     line = frames(np.exp(rate_per_s * t) * np.sin(2 * np.pi * 900 * t))[-1][0]
     assert line.growth_per_s == pytest.approx(rate_per_s, rel=0.03)
-    assert line.growth_sd_per_s < 1.0
 
 
 def test_a_line_that_appears_rises_and_a_louder_cut_does_not():
@@ -95,7 +92,7 @@ def test_missing_samples_have_no_lines_and_leave_no_trace():
     assert all(found[:19])
     after = found[24][0]
     assert after.frequency_hz == pytest.approx(900, abs=2.0)
-    assert min(after.coherence) > 0.999
+    assert after.coherence > 0.999
     assert after.variation < 0.02
 
 
@@ -106,12 +103,12 @@ def test_a_short_last_frame(samples):
     signal = np.sin(2 * np.pi * 900 * t) + noise(len(t), 0.01)
     *_, last = frames(signal[: 15 * INTERVAL + samples])
     assert last[0].frequency_hz == pytest.approx(900, abs=2.0)
-    assert min(last[0].coherence) > 0.99
+    assert last[0].coherence > 0.99
 
 
 def test_silence_has_no_numbers_that_are_none():
     """Zeros give finite values."""
     for found in frames(np.zeros(12_800)):
         for line in found:
-            values = (line.share, line.prominence_db, line.variation, line.growth_per_s, line.rise, *line.coherence)
+            values = (line.share, line.prominence_db, line.variation, line.growth_per_s, line.rise, line.coherence)
             assert np.isfinite(values).all()

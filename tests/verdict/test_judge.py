@@ -29,13 +29,13 @@ def mode(damping=0.02, frequency=HZ, sd=0.0005):
 
 def growing(frequency=HZ, damping=0.0, *, on_order=False):
     """A line that rises out of its surroundings, coherent, tenfold within a second."""
-    line = Line(frequency, 0.9, 35.0, 0.7, 60.0, 1.0, 2.3, 3.0, 15.0, (0.99, 0.98, 0.96, 0.93))
+    line = Line(frequency, 0.9, 35.0, 0.7, 60.0, 2.3, 3.0, 15.0, 0.99)
     return Vibration(line, mode(damping, frequency), on_order)
 
 
 def steady(frequency=HZ, damping=0.0, *, on_order=False, share=0.9):
     """A line as coherent that neither grows nor varies."""
-    line = Line(frequency, share, 30.0, 0.02, 0.0, 1.0, 0.0, 0.0, 15.0, (0.99, 0.98, 0.97, 0.96))
+    line = Line(frequency, share, 30.0, 0.02, 0.0, 0.0, 0.0, 15.0, 0.99)
     return Vibration(line, mode(damping, frequency), on_order)
 
 
