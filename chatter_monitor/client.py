@@ -22,14 +22,17 @@ from chatter_monitor.outlets.wire import (
     DEFAULT_HIGH_WATER_MARK,
     PAYLOAD_DTYPES,
     SCHEMA_MAJOR,
+    SIGNAL_DTYPES,
     Header,
     OdpHeader,
+    SignalHeader,
     schema_name,
     topic_of,
 )
-from chatter_monitor.records import Event, Flag, Health, OdpFrame, Verdict
+from chatter_monitor.records import Event, Flag, Health, OdpFrame, SignalFrame, Verdict
 
 BODIES: dict[str, type[Verdict | Event | Health]] = {"verdict": Verdict, "event": Event, "health": Health}
+KINDS = ("odp", "signal", *BODIES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,13 +45,13 @@ class Received:
         Such as ``odp.0`` or ``health``.
     header : Header
         An `OdpHeader` on ``odp.<channel>``, with the interval's summary in ``odp``.
-    body : OdpFrame, Verdict, Event or Health
+    body : OdpFrame, SignalFrame, Verdict, Event or Health
         The arrays of a frame are read-only views of the received buffers.
     """
 
     topic: str
     header: Header
-    body: OdpFrame | Verdict | Event | Health
+    body: OdpFrame | SignalFrame | Verdict | Event | Health
 
 
 class Subscriber:
@@ -61,7 +64,8 @@ class Subscriber:
     endpoint : str
         Where the monitor publishes.
     topics : sequence of str
-        Topics to receive: ``verdict.0``, or ``verdict`` for all channels; an empty string means everything.
+        Topics to receive: ``verdict.0``, or ``verdict`` for all channels; an empty string means everything but
+        ``signal``, which has to be asked for.
     high_water_mark : int
         Messages kept on this side while the program is busy with others.
     server_public_key, client_secret_key : path, optional
@@ -158,7 +162,10 @@ class Subscriber:
 
     def _wanted(self, topic: str) -> bool:
         """Whether the topic was asked for: ZeroMQ matches prefixes, so ``odp.1`` brings ``odp.10`` as well."""
-        return any(asked in ("", topic) or topic.startswith(asked + ".") for asked in self._topics)
+        return any(
+            topic == asked or topic.startswith(asked + ".") or (asked == "" and not topic.startswith("signal."))
+            for asked in self._topics
+        )
 
     def _account(self, topic: str, header: Header) -> None:
         """Count what is missing before this message."""
@@ -191,10 +198,13 @@ def _read(parts: list[bytes]) -> Received:
     kind = topic.partition(".")[0]
     _check_version(kind, msgspec.json.decode(parts[1], type=_Version).schema)
     header: Header
-    body: OdpFrame | Verdict | Event | Health
+    body: OdpFrame | SignalFrame | Verdict | Event | Health
     if kind == "odp":
         header = msgspec.json.decode(parts[1], type=OdpHeader)
         body = _frame(header, parts[2:])
+    elif kind == "signal":
+        header = msgspec.json.decode(parts[1], type=SignalHeader)
+        body = _signal_frame(header, parts[2:])
     else:
         header = msgspec.json.decode(parts[1], type=Header)
         body = msgspec.json.decode(parts[2], type=BODIES[kind])
@@ -204,7 +214,7 @@ def _read(parts: list[bytes]) -> Received:
 
 
 def _check_version(kind: str, schema: str) -> None:
-    if kind != "odp" and kind not in BODIES:
+    if kind not in KINDS:
         raise ValueError("a topic of a kind that this client does not know")
     family, _, major = schema.rpartition("/")
     if f"{family}/{SCHEMA_MAJOR}" != schema_name(kind) or not major.isdecimal():
@@ -218,20 +228,37 @@ def _check_version(kind: str, schema: str) -> None:
         )
 
 
-def _frame(header: OdpHeader, payload: list[bytes]) -> OdpFrame:
-    """Frame out of the payload; arrays of a later minor version have no place here and are left out."""
+def _arrays(header: OdpHeader | SignalHeader, payload: list[bytes], dtypes: dict[str, str]) -> dict[str, NDArray[Any]]:
+    """Arrays out of the payload; those of a later minor version have no place here and are left out."""
     known = {
-        about.name: (about, data)
-        for about, data in zip(header.payloads, payload, strict=True)
-        if about.name in PAYLOAD_DTYPES
+        about.name: (about, data) for about, data in zip(header.payloads, payload, strict=True) if about.name in dtypes
     }
-    if [known[name][0].dtype for name in PAYLOAD_DTYPES if name in known] != list(PAYLOAD_DTYPES.values()):
+    if [known[name][0].dtype for name in dtypes if name in known] != list(dtypes.values()):
         raise ValueError("payload frames are missing, or of another type")
-    if {about.shape[1:] for about, _ in known.values()} != {(len(header.odp.modes),)}:
+    return {name: np.frombuffer(data, about.dtype).reshape(about.shape) for name, (about, data) in known.items()}
+
+
+def _signal_frame(header: SignalHeader, payload: list[bytes]) -> SignalFrame:
+    """Frame out of the payload."""
+    arrays = _arrays(header, payload, SIGNAL_DTYPES)
+    if arrays["extremes"].shape[1:] != (2,) or len(arrays["level_db"].shape) != 2:
+        raise ValueError("payload frames are of another shape")
+    return SignalFrame(
+        channel=header.channel,
+        first_sample=header.sample0,
+        samples=header.samples,
+        sample_rate_hz=header.fs,
+        **arrays,
+        rotation_hz=header.rotation_hz,
+        orders_hz=header.orders_hz,
+    )
+
+
+def _frame(header: OdpHeader, payload: list[bytes]) -> OdpFrame:
+    """Frame out of the payload."""
+    arrays = _arrays(header, payload, PAYLOAD_DTYPES)
+    if {array.shape[1:] for array in arrays.values()} != {(len(header.odp.modes),)}:
         raise ValueError("payload frames and summary are of different modes")
-    arrays: dict[str, NDArray[Any]] = {
-        name: np.frombuffer(data, about.dtype).reshape(about.shape) for name, (about, data) in known.items()
-    }
     if len({len(array) for array in arrays.values()}) != 1:
         raise ValueError("payload frames are of different lengths")
     return OdpFrame(

@@ -121,6 +121,38 @@ class OdpFrame:
         return int(self.frequency_hz.shape[0])
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SignalFrame:
+    """What one channel sounded like in one verdict interval, before anything is taken out, reduced for the eye.
+
+    Attributes
+    ----------
+    channel, first_sample, samples : int
+        Which channel, index of the interval's first sample, and how many it has.
+    sample_rate_hz : float
+        Rate of that index.
+    extremes : ndarray of float32, shape (n, 2)
+        Smallest and largest sample in each of n equal parts of the interval, in the source's units; NaN where samples
+        are missing.
+    level_db : ndarray of float32, shape (1, bins)
+        Amplitude spectrum of the last tenth of a second, in decibels over an rms of one unit; bins are 10 Hz apart,
+        from 0. NaN where samples are missing.
+    rotation_hz : float or None
+        What the spindle turns at, or the strongest comb where nobody knows the speed.
+    orders_hz : tuple of float
+        Where lines of combs were taken out before the tracker, strongest first.
+    """
+
+    channel: int
+    first_sample: int
+    samples: int
+    sample_rate_hz: float
+    extremes: NDArray[np.float32]
+    level_db: NDArray[np.float32]
+    rotation_hz: float | None = None
+    orders_hz: tuple[float, ...] = ()
+
+
 class Message(msgspec.Struct, frozen=True, kw_only=True, tag_field="type"):
     """Base of the messages of the public contract."""
 

@@ -6,6 +6,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.tracking.spindle import SpindleSettings
 
 
@@ -21,6 +22,10 @@ class Outlet(Protocol):
 
     def spindle(self, spindle: SpindleSettings) -> None:  # noqa: ARG002  most outlets have no use for it
         """Take note that from the next verdict on the spindle is taken to turn like this."""
+        return
+
+    def turning(self, channel: int, orders: Orders) -> None:  # noqa: ARG002  most outlets have no use for it
+        """Take note of what turned in the interval of a channel whose frame comes next."""
         return
 
     def frame(self, frame: OdpFrame, odp: Odp) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import uuid
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -18,18 +19,22 @@ from chatter_monitor.errors import ChatterMonitorError, InputError
 from chatter_monitor.outlets.curve import Guard
 from chatter_monitor.outlets.endpoint import ALLOWED_LOOPBACK, bind, is_local
 from chatter_monitor.outlets.outlet import Outlet
+from chatter_monitor.outlets.signal_view import SignalView
 from chatter_monitor.outlets.wire import (
     DEFAULT_ENDPOINT,
     DEFAULT_HIGH_WATER_MARK,
     PAYLOAD_DTYPES,
+    SIGNAL_DTYPES,
     Header,
     OdpHeader,
     Payload,
+    SignalHeader,
     encode,
     schema_name,
     topic_of,
 )
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, SignalFrame, Verdict
+from chatter_monitor.tracking.orders import Orders
 
 LINGER_MS = 2000  # how long closing may wait for subscribers that are slow to take the last messages
 
@@ -144,6 +149,7 @@ class Publisher(Outlet):
         self._session = uuid.uuid4().hex
         self._seq: Counter[str] = Counter()
         self._subscriptions: set[bytes] = set()
+        self._view = SignalView()
         self._context = zmq.Context()
         self._guard: Guard | None = None
         self._socket = self._context.socket(zmq.XPUB)
@@ -163,21 +169,50 @@ class Publisher(Outlet):
             self.close()
             raise
 
+    def block(self, block: Block) -> None:
+        """Keep the samples until the frames that they complete have come."""
+        self._view.block(block)
+
+    def turning(self, channel: int, orders: Orders) -> None:
+        """Keep what turned for the frame that comes next."""
+        self._view.turning(channel, orders)
+
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
-        """Publish all samples of an interval on ``odp.<channel>``, its summary in the header."""
+        """Publish an interval on ``odp.<channel>``, and on ``signal.<channel>`` if anybody has subscribed to that."""
+        self._send_odp(frame, odp)
+        topic = f"signal.{frame.channel}".encode()
+        # Whoever subscribes to everything does not mean this.
+        if any(topic.startswith(prefix) for prefix in self._subscriptions if prefix):
+            signal = self._view.frame(frame)
+            if signal is not None:
+                self._send_signal(signal)
+
+    def _send_signal(self, signal: SignalFrame) -> None:
+        topic = topic_of(signal)
+        arrays, payloads = _payload(signal, SIGNAL_DTYPES)
+        header = SignalHeader(
+            **msgspec.structs.asdict(self._header(topic, signal.first_sample)),
+            channel=signal.channel,
+            samples=signal.samples,
+            rotation_hz=signal.rotation_hz,
+            orders_hz=signal.orders_hz,
+            payloads=payloads,
+        )
+        self._send(topic, header, *arrays)
+
+    def _send_odp(self, frame: OdpFrame, odp: Odp) -> None:
+        """Send all samples, the summary in the header."""
         topic = topic_of(frame)
-        arrays = {
-            name: np.ascontiguousarray(getattr(frame, name), dtype=dtype) for name, dtype in PAYLOAD_DTYPES.items()
-        }
+        arrays, payloads = _payload(frame, PAYLOAD_DTYPES)
         header = OdpHeader(
             **msgspec.structs.asdict(self._header(topic, frame.first_sample)),
             odp=odp,
             rms=frame.rms,
             lost=frame.lost,
             flags=frame.flags.names(),
-            payloads=[Payload(name, PAYLOAD_DTYPES[name], values.shape) for name, values in arrays.items()],
+            payloads=payloads,
         )
-        self._send(topic, header, *(values.data for values in arrays.values()))
+        self._send(topic, header, *arrays)
 
     def message(self, message: Verdict | Event | Health) -> None:
         """Publish a message of the public contract; the body is the same JSON object as in ``--jsonl``."""
@@ -242,3 +277,10 @@ class Publisher(Outlet):
                 self._subscriptions.add(note[1:])
             elif note.startswith(b"\x00"):
                 self._subscriptions.discard(note[1:])
+
+
+def _payload(frame: OdpFrame | SignalFrame, dtypes: Mapping[str, str]) -> tuple[list[memoryview], list[Payload]]:
+    """Arrays of a frame as they travel, and what the header says of them."""
+    arrays = {name: np.ascontiguousarray(getattr(frame, name), dtype=dtype) for name, dtype in dtypes.items()}
+    about = [Payload(name, dtypes[name], values.shape) for name, values in arrays.items()]
+    return [values.data for values in arrays.values()], about

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Event, Health, Odp, OdpFrame, SignalFrame, Verdict
 
 DEFAULT_ENDPOINT = "tcp://127.0.0.1:5557"
 # At 20 verdict intervals a second, each one ODP and one verdict message: 100 s of one channel before anything is lost,
@@ -29,6 +29,8 @@ PAYLOAD_DTYPES = {
     "frequency_sd_hz": "<f4",
     "status": "|u1",
 }
+# The same of signal.<channel>.
+SIGNAL_DTYPES = {"extremes": "<f4", "level_db": "<f4"}
 
 
 class Header(msgspec.Struct, frozen=True, kw_only=True):
@@ -62,7 +64,7 @@ class Header(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Payload(msgspec.Struct, frozen=True):
-    """Name, numpy dtype and shape (samples, modes) of one payload frame, C order."""
+    """Name, numpy dtype and shape, such as (samples, modes), of one payload frame, C order."""
 
     name: str
     dtype: str
@@ -82,9 +84,21 @@ class OdpHeader(Header, frozen=True, kw_only=True):
     payloads: list[Payload]
 
 
-def topic_of(result: OdpFrame | Verdict | Event | Health) -> str:
+class SignalHeader(Header, frozen=True, kw_only=True):
+    """Header of ``signal.<channel>``: what turned in the interval, and what the payload frames hold."""
+
+    channel: int
+    samples: int
+    rotation_hz: float | None
+    orders_hz: tuple[float, ...]
+    payloads: list[Payload]
+
+
+def topic_of(result: OdpFrame | SignalFrame | Verdict | Event | Health) -> str:
     """Topic of a frame or a message; up to the first dot it is the kind."""
     match result:
+        case SignalFrame():
+            return f"signal.{result.channel}"
         case OdpFrame():
             return f"odp.{result.channel}"
         case Verdict():
@@ -96,7 +110,7 @@ def topic_of(result: OdpFrame | Verdict | Event | Health) -> str:
 
 
 def schema_name(kind: str) -> str:
-    """Name and version of the messages of one kind (odp, verdict, event, health)."""
+    """Name and version of the messages of one kind (odp, signal, verdict, event, health)."""
     return f"chatter-monitor/{kind}/{SCHEMA_MAJOR}"
 
 

@@ -204,6 +204,7 @@ class Monitor:
             verdict = msgspec.structs.replace(verdict, reasons=[*verdict.reasons, *condition.problems])
         odp = odp_message(frame)
         for outlet in self._outlets:
+            outlet.turning(frame.channel, observation.orders)
             outlet.frame(frame, odp)
         self._send(verdict)
         event = self._events.follow(verdict)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from chatter_monitor.outlets.publisher import Clock, Publisher, PublishSettings
-from chatter_monitor.records import Advice, Event, Flag, Health, Mode, ModeStatus, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Advice, Block, Event, Flag, Health, Mode, ModeStatus, Odp, OdpFrame, Verdict
+from chatter_monitor.tracking.orders import OrderLine, Orders
 
 FS = 12_800.0
 START = datetime(2026, 3, 1, 8, 30, tzinfo=UTC)
@@ -45,6 +46,32 @@ def make_interval() -> MakeInterval:
         return frame, Odp(channel=channel, t=(first_sample + n) / FS, modes=seen[:modes])
 
     return make
+
+
+@pytest.fixture
+def make_block() -> Callable[..., Block]:
+    """Blocks of noise on two channels."""
+    rng = np.random.default_rng(2)
+
+    def make(first_sample: int = 0, n: int = 640, flags: tuple[Flag, ...] = ()) -> Block:
+        return Block(first_sample, rng.standard_normal((n, 2)), FS, flags=flags)
+
+    return make
+
+
+@pytest.fixture
+def orders() -> Orders:
+    """A spindle at 1800 rpm whose third order was taken out, and a fan."""
+    return Orders(
+        0,
+        30.0,
+        0.01,
+        "refined",
+        0.2,
+        (OrderLine(3, 90.0, 0.1),),
+        other_hz=50.0,
+        other_lines=(OrderLine(2, 100.0, 0.3),),
+    )
 
 
 @pytest.fixture

@@ -15,13 +15,21 @@ import pytest
 import yaml
 import zmq
 
-from chatter_monitor.outlets.wire import DEFAULT_ENDPOINT, PAYLOAD_DTYPES, Header, OdpHeader, Payload
+from chatter_monitor.outlets.wire import (
+    DEFAULT_ENDPOINT,
+    PAYLOAD_DTYPES,
+    SIGNAL_DTYPES,
+    Header,
+    OdpHeader,
+    Payload,
+    SignalHeader,
+)
 from chatter_monitor.records import Advice, Event, Flag, Health, Mode, Odp, State, Verdict
 
 WAIT_S = 30.0
 DOCUMENT: dict[str, Any] = yaml.safe_load((Path(__file__).parents[2] / "docs/asyncapi.yaml").read_text())
 SCHEMAS = DOCUMENT["components"]["schemas"]
-STRUCTS = (Header, OdpHeader, Payload, Odp, Mode, Verdict, Event, Advice, Health)
+STRUCTS = (Header, OdpHeader, SignalHeader, Payload, Odp, Mode, Verdict, Event, Advice, Health)
 
 
 def validate(text: bytes, reference: str) -> None:
@@ -57,23 +65,29 @@ def test_the_document_has_the_names_of_the_records():
     assert SCHEMAS["Flags"]["items"]["enum"] == [flag.name.lower() for flag in Flag if flag]
     assert SCHEMAS["Payload"]["properties"]["name"]["enum"] == list(PAYLOAD_DTYPES)
     assert set(SCHEMAS["Payload"]["properties"]["dtype"]["enum"]) == set(PAYLOAD_DTYPES.values())
-    assert set(SCHEMAS) == {struct.__name__ for struct in STRUCTS} | {"Flags", "Interval95"}
+    assert SCHEMAS["SignalPayload"]["properties"]["name"]["enum"] == list(SIGNAL_DTYPES)
+    assert set(SCHEMAS["SignalPayload"]["properties"]["dtype"]["enum"]) == set(SIGNAL_DTYPES.values())
+    assert set(SCHEMAS) == {struct.__name__ for struct in STRUCTS} | {"Flags", "Interval95", "SignalPayload"}
 
 
-def test_real_messages_are_as_documented(publisher, make_interval, messages):
+def test_real_messages_are_as_documented(publisher, make_interval, make_block, orders, messages):
     """Every message off a real socket fits the header and payload of the channel that its topic belongs to."""
     intervals = [make_interval(), make_interval(channel=1, modes=1, lost=7), make_interval(n=0)]
     seen = set()
     with zmq.Context() as context, context.socket(zmq.SUB) as subscriber:
         subscriber.rcvtimeo = int(WAIT_S * 1000)
+        subscriber.subscribe("signal")
         subscriber.subscribe("")
         subscriber.connect(publisher.endpoint)
         assert publisher.wait_for_subscriber(WAIT_S)
         for interval in intervals:
             publisher.frame(*interval)
+        publisher.block(make_block())
+        publisher.turning(0, orders)
+        publisher.frame(*make_interval())  # now with a signal
         for message in messages:
             publisher.message(message)
-        for _ in range(len(intervals) + len(messages)):
+        for _ in range(len(intervals) + 2 + len(messages)):
             topic, header, *payload = subscriber.recv_multipart()
             name = channel_of(topic.decode())
             seen.add(name)
