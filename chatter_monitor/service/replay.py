@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -58,6 +58,8 @@ class Replay:
         Files to write.
     record : Path or None
         Directory to record events in.
+    witnesses : sequence of Outlet
+        Further outlets, which the caller opens and closes.
     """
 
     file: Path
@@ -68,6 +70,7 @@ class Replay:
     jsonl: Path | None = None
     odp_table: Path | None = None
     record: Path | None = None
+    witnesses: Sequence[Outlet] = ()
 
     def run(self, *, as_json: bool = False) -> None:
         """Replay, then print the timeline (or a JSON summary) on standard output.
@@ -90,7 +93,7 @@ class Replay:
             if self.real_time:
                 source = Paced(source, time.monotonic, time.sleep)
             timeline = Timeline(source.channels)
-            outlets: list[Outlet] = [timeline]
+            outlets: list[Outlet] = [timeline, *self.witnesses]
             if self.jsonl is not None:
                 outlets.append(stack.enter_context(JsonLines(self.jsonl)))
             if self.odp_table is not None:

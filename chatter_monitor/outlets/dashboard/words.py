@@ -1,0 +1,67 @@
+"""What the views say in words: the evidence for a verdict, an event with its advice, the monitor's health."""
+
+from __future__ import annotations
+
+from chatter_monitor.outlets.dashboard.look import STATES
+from chatter_monitor.records import Event, Health, Verdict
+
+MEANINGS = {
+    "idle": "Nothing is being cut.",
+    "stable": "Cutting; vibrations decay.",
+    "forced": "What vibrates is driven from outside: change its source, not the cut.",
+    "approaching": "Little damping is left: chatter may be on its way.",
+    "self_excited": "The cut feeds the vibration.",
+    "unknown": "Samples are missing or bad; nothing can be said.",
+}
+
+
+def evidence(verdict: Verdict) -> str:
+    """Markdown: the verdict, its numbers with their uncertainty, and why."""
+    lines = [f"# {STATES[verdict.state][0]}", MEANINGS[verdict.state], ""]
+    if verdict.frequency_hz is not None:
+        lines.append(f"- vibration at **{verdict.frequency_hz:.0f} Hz**")
+    if verdict.damping_ratio is not None:
+        interval = verdict.damping_ratio_ci95
+        between = "" if interval is None else f" (95 %: {100 * interval[0]:.2f} to {100 * interval[1]:.2f} %)"
+        lines.append(f"- damping **{100 * verdict.damping_ratio:.2f} %**{between}")
+    if verdict.margin_percent is not None:
+        lines.append(f"- margin **{verdict.margin_percent:.0f} %** of depth of cut")
+    if verdict.order is not None:
+        lines.append(f"- **{verdict.order:.2f}** times the spindle")
+    lines.append(f"- sure: **{100 * verdict.confidence:.0f} %**")
+    if verdict.reasons:
+        lines += ["", "**Why**", "", *(f"- {reason}" for reason in verdict.reasons)]
+    if verdict.flags:
+        lines += ["", f"**Flags:** {', '.join(verdict.flags)}"]
+    return "\n".join(lines)
+
+
+def event(message: Event) -> tuple[str, str]:
+    """What happened, and what to change: a line each."""
+    happened = (
+        f"Channel {message.channel}: chatter for {message.end_s - message.onset_s:.2f} s at "
+        f"{message.peak_frequency_hz:.0f} Hz, least damping {100 * message.min_damping_ratio:.2f} %."
+    )
+    return happened, f"Change: {message.remedy or 'nothing is known that would help'}."
+
+
+def health(message: Health) -> str:
+    """Markdown: whether the monitor hears, and what it has lost."""
+
+    def number(value: float | None, unit: str) -> str:
+        return "-" if value is None else f"{value:.2f} {unit}"
+
+    rows = {
+        "state": message.state.replace("_", " "),
+        "latency, median": number(message.latency_ms_p50, "ms"),
+        "latency, 99 %": number(message.latency_ms_p99, "ms"),
+        "samples lost": f"{message.lost}",
+        "overflows": f"{message.overflows}",
+        "clipped": f"{message.clipped}",
+        "not numbers": f"{message.non_finite}",
+        "publications dropped": f"{message.publications_dropped}",
+        "ring filled": f"{100 * message.ring_fill:.0f} %",
+        "sound card's clock": number(message.clock_ppm, "ppm"),
+    }
+    table = ["| | |", "|---|---|", *(f"| {name} | {value} |" for name, value in rows.items())]
+    return "\n".join([*table, "", *(f"- {reason}" for reason in message.reasons)])
