@@ -179,7 +179,7 @@ def listening(port):
     return [host for (host, at), state in sockets if int(at, 16) == port and state == "0A"]
 
 
-def test_viewers_are_served_on_the_loopback_only(excerpt, tmp_path):
+def test_viewers_are_served_on_the_loopback_only(excerpt):
     """While it serves, the port is open at 127.0.0.1 and at no other address, and SIGTERM ends it."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
