@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTHON ?= python3
 
-.PHONY: demo test test-fast check bench paper recordings setup clean install-service uninstall-service
+.PHONY: demo test test-fast check bench paper pictures recordings setup clean install-service uninstall-service
 
 demo: $(READY)
 	$(BIN)/chatter-monitor replay replay_data/bar_turning.flac --config config/lathe.toml
@@ -35,6 +35,11 @@ bench: $(READY)
 # The figures of the paper with the numbers beside them, in docs/paper.
 paper: $(READY)
 	$(BIN)/python -m docs.paper
+
+# The pictures of the dashboard, in docs/pictures: needs a graphics card, or Mesa's
+# (apt-get install mesa-vulkan-drivers libvulkan1).
+pictures: $(READY)
+	$(BIN)/python -m docs.pictures
 
 # The simulated recordings of replay_data, bit by bit the same.
 recordings: $(READY)

@@ -165,7 +165,7 @@ def test_poles_cross_the_limit_where_it_chatters(drawn):
     rrd, kept = drawn
     rows = rrd.rows("/channel_0/poles/now", "Points2D:positions")
     ringed = {t: places[0] for t, places in rows if places}
-    verdicts = {round(v.t1, 3): v for v in kept.of(Verdict)}
+    verdicts = {round(v.t0, 3): v for v in kept.of(Verdict)}
     compared = 0
     for t, (x, y) in ringed.items():
         verdict = verdicts[round(t, 3)]

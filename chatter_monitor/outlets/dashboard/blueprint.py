@@ -67,7 +67,7 @@ def _channel(path: str, clock: Clock, span_s: float) -> Any:
         ),
         rrb.Spatial2DView(
             origin=f"{path}/poles",
-            name="Poles: decay (across) and frequency; unstable to the right of 0",
+            name="Poles: growth (across), frequency",
             visual_bounds=_bounds(pole_plane.LEFT_HZ, pole_plane.RIGHT_HZ, pole_plane.HEIGHT),
             overrides={
                 f"{path}/poles/trail": rrb.VisibleTimeRanges(

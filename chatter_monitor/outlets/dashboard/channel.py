@@ -15,12 +15,13 @@ from chatter_monitor.records import ModeStatus, OdpFrame, SignalFrame, State, Ve
 
 # Intervals of 50 ms that are logged together: a call costs as much as a hundred numbers.
 BATCH = 10
-POLES_EVERY = 5
-WORDS_EVERY_S = 0.5
+# What a person reads, and the poles that go with it, change so often at most, in intervals.
+SHOWN_EVERY = 5
 # Verdicts follow each other without gaps; longer than this and the monitor was not there.
 GAP_S = 0.5
 # What carries less of the signal is noise that a recursion has found a name for.
 SHOWN_SHARE = 0.02
+SHOWN_SD = 0.1  # of the frequency, relative
 # Further out a curve says no more than that it is far out, and would squeeze the others.
 DAMPING_SHOWN = 0.3
 
@@ -48,7 +49,7 @@ class ChannelViews:
         self._rows: dict[str, tuple[list[float], list[NDArray[np.float64]]]] = {}
         self._newest: list[Pole] = []
         self._state: State | None = None
-        self._said_s = self._judged_s = -np.inf
+        self._judged_s = -np.inf
         self._count = 0
         self._style()
 
@@ -137,15 +138,10 @@ class ChannelViews:
             damping = 100.0 * np.array([low, verdict.damping_ratio, high])
         self._row("frequency/verdict", begin_s, frequency)
         self._row("damping/verdict", begin_s, damping)
-        if verdict.state != self._state or begin_s - self._said_s >= WORDS_EVERY_S:
-            self._said_s = begin_s
-            self._stream.at(
-                begin_s,
-                f"{self.path}/evidence",
-                rr.TextDocument(words.evidence(verdict), media_type=rr.MediaType.MARKDOWN),
-            )
-        if verdict.state != self._state or self._count % POLES_EVERY == 0:
-            self._poles.show(end_s, self._newest, _meant(verdict))
+        if verdict.state != self._state or self._count % SHOWN_EVERY == 0:
+            text = rr.TextDocument(words.evidence(verdict), media_type=rr.MediaType.MARKDOWN)
+            self._stream.at(begin_s, f"{self.path}/evidence", text)
+            self._poles.show(begin_s, self._newest, _meant(verdict))
         self._state = verdict.state
 
     def end(self, time_s: float) -> None:
@@ -181,6 +177,8 @@ def _pole(frame: OdpFrame, mode: int) -> Pole | None:
         float(np.median(values[rows, mode]))
         for values in (frame.frequency_hz, frame.damping_ratio, frame.frequency_sd_hz, frame.damping_sd)
     )
+    if frequency_sd_hz > SHOWN_SD * frequency_hz:
+        return None
     return Pole(mode, frequency_hz, damping, frequency_sd_hz, damping_sd)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import socket
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,12 +13,14 @@ from typing import Any, Literal
 from urllib.parse import quote
 
 import rerun as rr
+import rerun_cli
 
 from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.outlets.dashboard.stream import Clock, Stream
 
 LOOPBACK = "127.0.0.1"
-VIEWER = (sys.executable, "-m", "rerun")
+# The program itself: what `python -m rerun` starts would outlive it.
+VIEWER = str(Path(rerun_cli.__file__).parent / "rerun")
 
 Viewer = Literal["window", "browser", "none"]
 
@@ -126,7 +127,7 @@ def open_place(place: Place, name: str, clock: Clock) -> Iterator[Shown]:
 
 
 def _viewer(stream: Stream, place: Place, uri: str) -> Shown:
-    common = [*VIEWER, "--bind", LOOPBACK, "--memory-limit", place.memory_limit]
+    common = [VIEWER, "--bind", LOOPBACK, "--memory-limit", place.memory_limit]
     if place.viewer == "none":
         return Shown(stream, uri, None)
     if place.viewer == "window":

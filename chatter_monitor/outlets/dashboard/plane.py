@@ -9,7 +9,7 @@ import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
 LOWEST_HZ, HIGHEST_HZ = 50.0, 6400.0
-TICKS_HZ = (50, 100, 200, 500, 1000, 2000, 5000)
+TICKS_HZ = (100, 200, 500, 1000, 2000, 5000)
 AXIS = (120, 120, 120)
 TEXT = (190, 190, 190)
 

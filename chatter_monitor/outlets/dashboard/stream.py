@@ -30,6 +30,8 @@ class Stream:
         self.clock = clock
         # Numbers of a recording stand for themselves; who made them is nobody's business.
         self.recording = rr.RecordingStream(APPLICATION, send_properties=False)
+        self.recording.set_log_time_enabled(False)  # the signal's time is the only one
+        self.recording.set_log_tick_enabled(False)
         self.recording.send_recording_name(name)
 
     def static(self, path: str, *what: Any) -> None:

@@ -1,0 +1,74 @@
+"""Make the pictures of the dashboard: ``python -m docs.pictures [--out DIRECTORY]``."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import click
+
+from chatter_monitor.config import load
+from chatter_monitor.outlets.dashboard.place import Place
+from chatter_monitor.service.diagnosing import diagnose_file
+from chatter_monitor.service.modelling import simulate_to_file
+from chatter_monitor.service.showing import show_diagnosis, show_recording
+from docs.pictures.viewer import viewer
+
+HERE = Path(__file__).parent
+REPLAY_DATA = HERE.parents[1] / "replay_data"
+
+# Name of the picture, recording, what turns, and the time that is shown.
+REPLAYS: tuple[tuple[str, str, dict[str, Any], float], ...] = (
+    ("dashboard_chatter", "bar_turning.flac", {"speed_rpm": 1685.0, "teeth": 1}, 14.5),
+    ("dashboard_onset", "bar_turning.flac", {"speed_rpm": 1685.0, "teeth": 1}, 7.2),
+    ("dashboard_forced", "forced_milling.flac", {"speed_rpm": 1656.0, "teeth": 6}, 9.0),
+)
+# The worked example of docs/diagnose.md.
+MACHINE = """[sensor]
+quantity = "velocity"
+noise_rms = 40.0
+[[mode]]
+frequency_hz = 412.0
+damping_ratio = 0.02
+"""
+JOINT = """[[term]]
+name = "cubic_stiffness"
+coefficient = 0.02
+"""
+
+
+def quiet(_line: str) -> None:
+    """Say nothing: a file is saved."""
+
+
+@click.command()
+@click.option("--out", type=click.Path(path_type=Path), default=HERE, help="Directory to write into.")
+def main(out: Path) -> None:
+    """Make all of them."""
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, recording, spindle, time_s in REPLAYS:
+            saved = Path(folder) / f"{name}.rrd"
+            show_recording(REPLAY_DATA / recording, load([], {"spindle": spindle}), Place(save=saved), quiet)
+            with viewer(saved) as shown:
+                shown.go(time_s)
+                shown.save(out / f"{name}.png")
+        saved = diagnosed(Path(folder))
+        with viewer(saved) as shown:
+            shown.save(out / "dashboard_diagnosis.png")
+
+
+def diagnosed(folder: Path) -> Path:
+    """Diagnose a simulated recording of a machine with a joint that hardens against a model without it."""
+    (folder / "machine.toml").write_text(MACHINE + JOINT)
+    (folder / "model.toml").write_text(MACHINE)
+    simulate_to_file(folder / "machine.toml", 20.0, 7, folder / "cut.wav", 12_800)
+    diagnose_file(folder / "cut.wav", folder / "model.toml", folder / "diagnosis")
+    saved = folder / "diagnosis.rrd"
+    show_diagnosis(folder / "diagnosis", Place(save=saved), quiet)
+    return saved
+
+
+if __name__ == "__main__":
+    main()
