@@ -16,7 +16,8 @@ STARTING = 3
 
 
 @njit(forceinline=True, **OPTIONS)
-def _track(p, q, samples, recursion, pole_state, tile, forgetting, rate, out):
+def recurse(p, q, samples, recursion, pole_state, tile, forgetting, rate, out):
+    """`track`, to be inlined where the orders are known."""
     frequency, damping, frequency_sd, damping_sd, status = out
     u, d, level, counts = recursion.u, recursion.d, recursion.level, recursion.counts
     coefficients = recursion.theta[q:]
@@ -65,13 +66,13 @@ def _track(p, q, samples, recursion, pole_state, tile, forgetting, rate, out):
 @njit(**OPTIONS)
 def _track_4_3(samples, recursion, pole_state, tile, forgetting, rate, out):
     """`track` with the orders of the paper known to the compiler, which makes it several times faster."""
-    _track(4, 3, samples, recursion, pole_state, tile, forgetting, rate, out)
+    recurse(4, 3, samples, recursion, pole_state, tile, forgetting, rate, out)
 
 
 @njit(**OPTIONS)
 def _track_any(p, q, samples, recursion, pole_state, tile, forgetting, rate, out):
     """`track` for orders that are known at run time only."""
-    _track(p, q, samples, recursion, pole_state, tile, forgetting, rate, out)
+    recurse(p, q, samples, recursion, pole_state, tile, forgetting, rate, out)
 
 
 def track(

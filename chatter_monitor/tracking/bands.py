@@ -9,108 +9,16 @@ answers for the octave in the middle of its band, where it is well conditioned: 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from chatter_monitor.kernels import odp, poles, rarma, track
-from chatter_monitor.kernels.share import modal_shares
-
-# frequency, damping, their standard deviations (float32), status (uint8); shape (samples, modes) each
-Columns = tuple[NDArray[Any], ...]
+Table = Sequence[Sequence[float]]
 
 # A mode that is reported from one octave stays with it up to this relative distance beyond the octave's edge, so that
 # a vibration at the edge does not change sides with every frame.
 LOYALTY = 0.1
 # Two octaves that report frequencies closer than this (relative) see the same vibration.
 SAME_VIBRATION = 0.03
-
-
-def new_columns(samples: int, modes: int) -> Columns:
-    """Room for frequency, damping, their standard deviations, and status."""
-    shape = (samples, modes)
-    return (*(np.empty(shape, np.float32) for _ in range(4)), np.empty(shape, np.uint8))
-
-
-class Band:
-    """One recursion on the signal halved ``octave`` times.
-
-    Parameters
-    ----------
-    orders : (int, int)
-        Of A and C.
-    memory_s : float
-        Time constant of the forgetting.
-    source_rate_hz : float
-        Rate of the signal before halving.
-    octave : int
-        How often the rate is halved.
-    interval : int
-        Samples of the source in a frame.
-    home_hz : (float, float)
-        Frequencies that this band answers for.
-    """
-
-    def __init__(
-        self,
-        orders: tuple[int, int],
-        memory_s: float,
-        source_rate_hz: float,
-        octave: int,
-        interval: int,
-        home_hz: tuple[float, float],
-    ) -> None:
-        self.octave = octave
-        self.home_hz = home_hz
-        self._orders = orders
-        self._rate_hz = source_rate_hz / 2**octave
-        self._forgetting = 1.0 - 1.0 / (memory_s * self._rate_hz)
-        self._recursion = rarma.new_state(*orders)
-        self._poles = poles.new_state(orders[0])
-        self._tile = odp.new_tile(orders[0])
-        self._columns = new_columns(2 + interval // 2**octave, orders[0] // 2)  # row 0 is the last of the frame before
-        for column in self._columns[:4]:
-            column[0] = np.nan
-        self._columns[4][0] = track.STARTING
-        self._filled = 1
-        self._shares = np.zeros(orders[0] // 2)
-
-    def process(self, signal: NDArray[np.float64]) -> None:
-        """Take samples at the band's rate."""
-        rows = slice(self._filled, self._filled + len(signal))
-        out = tuple(column[rows] for column in self._columns)
-        track.track(
-            *self._orders, signal, self._recursion, self._poles, self._tile, self._forgetting, self._rate_hz, out
-        )
-        self._filled += len(signal)
-
-    @property
-    def columns(self) -> Columns:
-        """Values since the last frame, at the band's rate; row 0 is the last one before."""
-        return tuple(column[: self._filled] for column in self._columns)
-
-    def rows(self, first_sample: int, samples: int) -> NDArray[np.intp]:
-        """Row of `columns` that holds at each sample of the source in a frame, which ends at the last one processed."""
-        decimation = 2**self.octave  # the first of so many samples makes an output
-        made: NDArray[np.intp] = np.arange(first_sample, first_sample + samples) // decimation
-        made -= (first_sample - 1) // decimation
-        return made
-
-    def next_frame(self) -> None:
-        """Keep the last values only."""
-        for column in self._columns:
-            column[0] = column[self._filled - 1]
-        self._filled = 1
-
-    def powers(self) -> NDArray[np.float64]:
-        """Power of each mode at this moment, by the model and the recent power of the band's signal."""
-        p, q = self._orders
-        if self._poles.known[0]:
-            modal_shares(p, q, self._recursion.theta, self._poles.factors, self._poles.roots, self._shares)
-        power: float = self._recursion.level[rarma.POWER]
-        return self._shares * power
 
 
 def homes(source_rate_hz: float, octaves: range) -> list[tuple[float, float]]:
@@ -143,20 +51,26 @@ class Slots:
 
     Parameters
     ----------
-    bands : sequence of Band
-        From the highest octave to the lowest.
+    homes_hz : sequence of (float, float)
+        Frequencies that each band answers for, from the highest octave to the lowest.
     count : int
         Slots; the weaker ones of more vibrations are left out.
     """
 
-    def __init__(self, bands: list[Band], count: int) -> None:
-        self._bands = bands
+    def __init__(self, homes_hz: list[tuple[float, float]], count: int) -> None:
+        self._homes_hz = homes_hz
         self._last: list[Vibration | None] = [None] * count
         self._present = [False] * count
 
-    def assign(self, rows: list[NDArray[np.intp]]) -> list[Vibration | None]:
-        """Vibration of each slot in a frame that shows these rows of each band; None where there is none."""
-        chosen = self._distinct(self._candidates(rows))[: len(self._last)]
+    def assign(self, frequencies_hz: Table, powers: Table) -> list[Vibration | None]:
+        """Vibration of each slot in a frame whose modes are these; None where there is none.
+
+        Parameters
+        ----------
+        frequencies_hz, powers : sequence by band of sequence by mode of float
+            A mode without a frequency has NaN.
+        """
+        chosen = self._distinct(self._candidates(frequencies_hz, powers))[: len(self._last)]
         slots: list[Vibration | None] = [None] * len(self._last)
         pairs = sorted(
             (*self._rank(slot, known, new), slot, i)
@@ -188,22 +102,14 @@ class Slots:
             return 2, distance
         return (0, distance) if known.is_mode_of(new) else (1, -known.power)
 
-    def _candidates(self, rows: list[NDArray[np.intp]]) -> list[Vibration]:
+    def _candidates(self, frequencies_hz: Table, powers: Table) -> list[Vibration]:
         owned = {(known.band, known.mode) for known in self._last if known is not None}
         found = []
-        for index, (band, shown) in enumerate(zip(self._bands, rows, strict=True)):
-            frequency, *_, status = (column[shown[0] :] for column in band.columns)
-            low, high = band.home_hz
-            powers = band.powers().tolist()
-            for mode, power in enumerate(powers):
-                known = frequency[status[:, mode] != track.STARTING, mode]
-                known = known[~np.isnan(known)]
-                if 2 * len(known) <= len(frequency):
-                    continue
-                middle = float(np.partition(known, len(known) // 2)[len(known) // 2])
-                spread = LOYALTY if (index, mode) in owned else 0.0
-                if low * (1.0 - spread) <= middle <= high * (1.0 + spread) and middle > 0.0:
-                    found.append(Vibration(index, mode, middle, power))
+        for band, (low, high) in enumerate(self._homes_hz):
+            for mode, (middle, power) in enumerate(zip(frequencies_hz[band], powers[band], strict=True)):
+                spread = LOYALTY if (band, mode) in owned else 0.0
+                if low * (1.0 - spread) <= middle <= high * (1.0 + spread) and middle > 0.0:  # not where it is NaN
+                    found.append(Vibration(band, mode, middle, power))
         return found
 
     def _distinct(self, candidates: list[Vibration]) -> list[Vibration]:

@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.kernels import conditioning, rarma
-from chatter_monitor.records import Flag, ModeStatus, OdpFrame
-from chatter_monitor.tracking.bands import Band, Columns, Slots, Vibration, homes, new_columns
+from chatter_monitor.kernels import octaves as kernel
+from chatter_monitor.records import Flag, OdpFrame
+from chatter_monitor.tracking.bands import Slots, homes
 
 # One frame is one verdict interval: long enough for a stable median, short enough for an alarm in time.
 INTERVAL_S = 0.05
@@ -92,19 +92,16 @@ class Tracker:
         self._channel = channel
         rate = settings.sample_rate_hz
         self._interval = round(INTERVAL_S * rate)
-        first = 0 if source_rate_hz is None else max(0, math.ceil(math.log2(rate / source_rate_hz)))
+        self._first_octave = 0 if source_rate_hz is None else max(0, math.ceil(math.log2(rate / source_rate_hz)))
         known = math.floor(math.log2(settings.samples_per_coefficient / SAMPLES_PER_COEFFICIENT))
-        octaves = range(first, max(min(first + settings.bands, known + 1), first + 1))
-        self._bands = [
-            Band(settings.orders, settings.memory_ms * 1e-3, rate, octave, self._interval, home_hz)
-            for octave, home_hz in zip(octaves, homes(rate, octaves), strict=True)
-        ]
-        self._halvers = [conditioning.new_half_band() for _ in range(octaves[-1])]
-        self._slots = Slots(self._bands, settings.modes)
-        self._high_pass = np.zeros(2)
+        end = min(self._first_octave + settings.bands, known + 1)
+        octaves = range(self._first_octave, max(end, self._first_octave + 1))
+        self._octaves = kernel.new_state(*settings.orders, octaves, settings.memory_ms * 1e-3, rate, self._interval)
+        self._corner = 2 * np.pi * settings.high_pass_hz / rate
+        self._frequencies_hz, self._powers = np.zeros((2, len(octaves), settings.orders[0] // 2))
+        self._slots = Slots(homes(rate, octaves), settings.modes)
         self._next_sample = 0
         self._filled = 0
-        self._signal = np.empty(self._interval)
         self._lost = 0
         self._flags = Flag.NONE
 
@@ -150,40 +147,34 @@ class Tracker:
 
     def _track(self, samples: NDArray[np.float64]) -> None:
         """Fill in the ODPs of consecutive samples that fit into the frame."""
-        corner = 2 * np.pi * self._settings.high_pass_hz / self._settings.sample_rate_hz
-        rows = slice(self._filled, self._filled + len(samples))
-        signal = self._signal[rows]
-        conditioning.high_pass(np.ascontiguousarray(samples), corner, self._high_pass, signal)
-        for octave, halver in enumerate([*self._halvers, None]):
-            for band in self._bands:
-                if band.octave == octave:
-                    band.process(signal)
-            if halver is not None:
-                halved = np.empty(len(signal) // 2 + 1)
-                signal = halved[: conditioning.halve(signal, halver, halved)]
+        kernel.advance(
+            *self._settings.orders,
+            self._first_octave,
+            np.ascontiguousarray(samples),
+            self._filled,
+            self._corner,
+            self._octaves,
+        )
         self._filled += len(samples)
         self._next_sample += len(samples)
 
     def _frame(self) -> OdpFrame:
         first_sample = self._next_sample - self._filled
-        rows = [band.rows(first_sample, self._filled) for band in self._bands]
-        rms = self._rms()
-        vibrations = self._slots.assign(rows)
-        (frequency, damping, frequency_sd, damping_sd, status), powers = self._in_slots(vibrations, rows)
-        for band in self._bands:
-            band.next_frame()
+        signal = self._octaves.signal[: self._filled].copy()
+        rms = kernel.root_mean_square(signal)
+        odps, powers = self._odps(first_sample)
         total = max(rms * rms, powers.sum())
         frame = OdpFrame(
             channel=self._channel,
             first_sample=first_sample,
             sample_rate_hz=self._settings.sample_rate_hz,
-            frequency_hz=frequency,
-            damping_ratio=damping,
-            frequency_sd_hz=frequency_sd,
-            damping_sd=damping_sd,
-            status=status,
+            frequency_hz=odps.frequency,
+            damping_ratio=odps.damping,
+            frequency_sd_hz=odps.frequency_sd,
+            damping_sd=odps.damping_sd,
+            status=odps.status,
             share=powers / total if total > 0.0 else powers,
-            signal=self._signal[: self._filled].copy(),
+            signal=signal,
             rms=rms,
             lost=self._lost,
             flags=self._flags,
@@ -193,28 +184,14 @@ class Tracker:
         self._flags = Flag.NONE
         return frame
 
-    def _in_slots(
-        self, vibrations: list[Vibration | None], rows: list[NDArray[np.intp]]
-    ) -> tuple[Columns, NDArray[np.float64]]:
-        """Columns by slot instead of by band and mode, a row for each sample of the source; the power in each slot."""
-        slotted = new_columns(self._filled, len(vibrations))
-        powers = np.zeros(len(vibrations))
-        for slot, vibration in enumerate(vibrations):
-            if vibration is None:  # as a pair of real poles: no frequency; held or starting as its neighbours
-                for column in slotted[:4]:
-                    column[:, slot] = np.nan
-                status = self._bands[0].columns[4][rows[0], 0]
-                slotted[4][:, slot] = np.where(status == ModeStatus.OSCILLATORY, ModeStatus.REAL_PAIR, status)
-            else:
-                powers[slot] = vibration.power
-                for into, column in zip(slotted, self._bands[vibration.band].columns, strict=True):
-                    into[:, slot] = column[rows[vibration.band], vibration.mode]
-        return slotted, powers
-
-    def _rms(self) -> float:
-        """Root mean square of what was measured in the frame; summed at once, or the cuts between blocks would show."""
-        signal = self._signal[: self._filled]
-        usable = np.abs(signal) < rarma.LARGEST_SAMPLE
-        if not usable.all():
-            signal = signal[usable]
-        return float(np.sqrt(np.mean(signal * signal))) if len(signal) else 0.0
+    def _odps(self, first_sample: int) -> tuple[kernel.Columns, NDArray[np.float64]]:
+        """ODPs of the frame, a column for each slot; the power in each slot."""
+        octaves = self._octaves
+        kernel.survey(
+            *self._settings.orders, self._first_octave, first_sample, octaves, self._frequencies_hz, self._powers
+        )
+        vibrations = self._slots.assign(self._frequencies_hz.tolist(), self._powers.tolist())
+        chosen = np.array([(-1, -1) if seen is None else (seen.band, seen.mode) for seen in vibrations])
+        odps = kernel.new_columns(self._filled, len(vibrations))
+        kernel.show(self._first_octave, first_sample, chosen, octaves, odps)
+        return odps, np.array([0.0 if seen is None else seen.power for seen in vibrations])

@@ -1,0 +1,299 @@
+"""All recursions of one channel, an octave each, and the frame that is made of them.
+
+The signal and what remains of it after halving its rate once, twice, three times are tracked by the same model. Each
+octave has its results at its own rate; a frame shows some of its modes at every sample of the source. The states of the
+octaves are stacked: a kernel that is handed few arrays starts sooner.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels import conditioning, odp, poles, rarma
+from chatter_monitor.kernels.median import median
+from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.share import modal_shares
+from chatter_monitor.kernels.track import OSCILLATORY, REAL_PAIR, STARTING, recurse
+
+
+class Columns(NamedTuple):
+    """ODPs, ``shape (..., samples, modes)``: float32, status uint8."""
+
+    frequency: np.ndarray
+    damping: np.ndarray
+    frequency_sd: np.ndarray
+    damping_sd: np.ndarray
+    status: np.ndarray
+
+
+def new_columns(*shape: int) -> Columns:
+    """Room for so many ODPs."""
+    frequency, damping, frequency_sd, damping_sd = (np.empty(shape, np.float32) for _ in range(4))
+    return Columns(frequency, damping, frequency_sd, damping_sd, np.empty(shape, np.uint8))
+
+
+class Octaves(NamedTuple):
+    """State of the octaves ``first``, ``first + 1``...; the first axis of all but the last six counts them.
+
+    Attributes
+    ----------
+    recursion : RarmaState
+    poles : PoleState
+    columns : Columns
+        ODPs since the last frame at the octave's rate. Row 0 is the last one before.
+    filled : ndarray of int64, shape (octaves,)
+        Rows of the columns.
+    forgetting, rate : ndarray of float64, shape (octaves,)
+        As in `track.track`.
+    shares : ndarray of float64, shape (octaves, modes)
+        Of each mode in the power of the octave's signal.
+    halvers : HalfBandState
+        Of every halving, from the first on.
+    tile : Tile
+    high_pass : ndarray of float64, shape (2,)
+    signal, work : ndarray of float64, shape (interval,)
+        The signal of the frame that comes in, without offset; work space.
+    values : ndarray of float32, shape (interval + 2,)
+        Work space.
+    """
+
+    recursion: rarma.RarmaState
+    poles: poles.PoleState
+    columns: Columns
+    filled: np.ndarray
+    forgetting: np.ndarray
+    rate: np.ndarray
+    shares: np.ndarray
+    halvers: conditioning.HalfBandState
+    tile: odp.Tile
+    high_pass: np.ndarray
+    signal: np.ndarray
+    work: np.ndarray
+    values: np.ndarray
+
+
+def new_state(p: int, q: int, octaves: range, memory_s: float, rate_hz: float, interval: int) -> Octaves:
+    """Fresh state.
+
+    Parameters
+    ----------
+    p, q : int
+        Orders of A and C.
+    octaves : range
+        How often the rate is halved, for each recursion.
+    memory_s : float
+        Time constant of the forgetting.
+    rate_hz : float
+        Of the source.
+    interval : int
+        Samples of the source in a frame.
+    """
+    count, modes = len(octaves), p // 2
+    rates = rate_hz / 2.0 ** np.array(octaves)
+    columns = new_columns(count, 2 + interval // 2 ** octaves[0], modes)
+    for column in columns[:4]:
+        column[:, 0] = np.nan
+    columns.status[:, 0] = STARTING
+    return Octaves(
+        recursion=rarma.RarmaState(*(np.stack([part] * count) for part in rarma.new_state(p, q))),
+        poles=poles.PoleState(*(np.stack([part] * count) for part in poles.new_state(p))),
+        columns=columns,
+        filled=np.ones(count, np.int64),
+        forgetting=1.0 - 1.0 / (memory_s * rates),
+        rate=rates,
+        shares=np.zeros((count, modes)),
+        halvers=conditioning.HalfBandState(
+            *(np.stack([part] * max(octaves[-1], 1)) for part in conditioning.new_half_band())
+        ),
+        tile=odp.new_tile(p),
+        high_pass=np.zeros(2),
+        signal=np.zeros(interval),
+        work=np.zeros(interval),
+        values=np.zeros(interval + 2, np.float32),
+    )
+
+
+@njit(**OPTIONS)
+def _recursion(state, k):
+    r = state.recursion
+    return rarma.RarmaState(
+        r.theta[k], r.u[k], r.d[k], r.phi[k], r.psi[k], r.gain[k], r.scratch[k], r.zeros[k], r.level[k], r.counts[k]
+    )
+
+
+@njit(**OPTIONS)
+def _poles(state, k):
+    s = state.poles
+    return poles.PoleState(s.factors[k], s.found[k], s.roots[k], s.taken[k], s.known[k])
+
+
+@njit(**OPTIONS)
+def _halver(state, k):
+    h = state.halvers
+    return conditioning.HalfBandState(h.taps[k], h.ring[k], h.position[k])
+
+
+@njit(**OPTIONS)
+def _columns(state, k, begin, end):
+    c = state.columns
+    return Columns(
+        c.frequency[k, begin:end],
+        c.damping[k, begin:end],
+        c.frequency_sd[k, begin:end],
+        c.damping_sd[k, begin:end],
+        c.status[k, begin:end],
+    )
+
+
+@njit(forceinline=True, **OPTIONS)
+def _advance(p, q, first, samples, filled, corner, state):
+    n = samples.shape[0]
+    signal, work = state.signal[filled : filled + n], state.work
+    conditioning.high_pass(samples, corner, state.high_pass, signal)
+    for t in range(n):
+        work[t] = signal[t]
+    for halvings in range(first + state.filled.shape[0]):
+        if halvings > 0:
+            n = conditioning.halve(work[:n], _halver(state, halvings - 1), work)
+        k = halvings - first
+        if k >= 0:
+            row = state.filled[k]
+            state.filled[k] = row + n
+            recursion, factors, out = _recursion(state, k), _poles(state, k), _columns(state, k, row, row + n)
+            recurse(p, q, work[:n], recursion, factors, state.tile, state.forgetting[k], state.rate[k], out)
+
+
+@njit(**OPTIONS)
+def _advance_4_3(first, samples, filled, corner, state):
+    """`advance` with the orders of the paper known to the compiler, which makes it several times faster."""
+    _advance(4, 3, first, samples, filled, corner, state)
+
+
+@njit(**OPTIONS)
+def _advance_any(p, q, first, samples, filled, corner, state):
+    """`advance` for orders that are known at run time only."""
+    _advance(p, q, first, samples, filled, corner, state)
+
+
+def advance(p: int, q: int, first: int, samples: np.ndarray, filled: int, corner: float, state: Octaves) -> None:
+    """Take in samples of a frame: into every octave.
+
+    Parameters
+    ----------
+    p, q : int
+        Orders of A and C.
+    first : int
+        Halvings before the first recursion.
+    samples : ndarray of float64, shape (n,)
+        The signal; those that are not finite are missing.
+    filled : int
+        Samples of the frame that have come before; with these there are at most as many as the state has room for.
+    corner : float
+        Of the high-pass, in radians per sample.
+    state : Octaves
+        Changed in place.
+    """
+    if (p, q) == (4, 3):
+        _advance_4_3(first, samples, filled, corner, state)
+    else:
+        _advance_any(p, q, first, samples, filled, corner, state)
+
+
+@njit(**OPTIONS)
+def survey(p, q, first, begin, state, frequencies, powers):
+    """Tell what the modes of a frame are: it ends with the samples taken last.
+
+    Parameters
+    ----------
+    p, q, first : int
+        As in `advance`.
+    begin : int
+        Index of the frame's first sample in the source.
+    state : Octaves
+        Its ``shares`` are brought up to date.
+    frequencies : ndarray of float64, shape (octaves, modes)
+        The result: median frequency in Hz, NaN where there was none for half of the frame or longer.
+    powers : ndarray of float64, shape (octaves, modes)
+        The result: power of each mode at this moment, by the model and the recent power of the octave's signal.
+    """
+    for k in range(state.filled.shape[0]):
+        recursion, factors = _recursion(state, k), _poles(state, k)
+        if factors.known[0]:
+            modal_shares(p, q, recursion.theta, factors.factors, factors.roots, state.shares[k])
+        shown = _row(begin, begin, first + k)
+        rows = state.filled[k] - shown
+        for m in range(p // 2):
+            powers[k, m] = state.shares[k, m] * recursion.level[rarma.POWER]
+            known = 0
+            for row in range(shown, state.filled[k]):
+                frequency = state.columns.frequency[k, row, m]
+                if state.columns.status[k, row, m] != STARTING and not math.isnan(frequency):
+                    state.values[known] = frequency
+                    known += 1
+            frequencies[k, m] = median(state.values[:known]) if 2 * known > rows else math.nan
+
+
+@njit(**OPTIONS)
+def show(first, begin, chosen, state, out):
+    """Fill a frame, which ends with the samples taken last, with chosen modes, a column each, and begin the next.
+
+    Parameters
+    ----------
+    first, begin : int
+        As in `survey`.
+    chosen : ndarray of int64, shape (slots, 2)
+        Octave (counted from the first recursion) and mode to be shown in each slot; -1 for none. That reads as a pair
+        of real poles: no frequency; held or starting as its neighbours.
+    state : Octaves
+        Changed in place.
+    out : Columns, shape (samples, slots)
+        The result.
+    """
+    for slot in range(chosen.shape[0]):
+        k, m = chosen[slot, 0], chosen[slot, 1]
+        if k < 0:
+            for t in range(out.status.shape[0]):
+                status = state.columns.status[0, _row(begin + t, begin, first), 0]
+                out.frequency[t, slot] = math.nan
+                out.damping[t, slot] = math.nan
+                out.frequency_sd[t, slot] = math.nan
+                out.damping_sd[t, slot] = math.nan
+                out.status[t, slot] = REAL_PAIR if status == OSCILLATORY else status
+        else:
+            columns = state.columns
+            for t in range(out.status.shape[0]):
+                row = _row(begin + t, begin, first + k)
+                out.frequency[t, slot] = columns.frequency[k, row, m]
+                out.damping[t, slot] = columns.damping[k, row, m]
+                out.frequency_sd[t, slot] = columns.frequency_sd[k, row, m]
+                out.damping_sd[t, slot] = columns.damping_sd[k, row, m]
+                out.status[t, slot] = columns.status[k, row, m]
+    for k in range(state.filled.shape[0]):
+        last, columns = state.filled[k] - 1, state.columns
+        for m in range(columns.status.shape[2]):
+            columns.frequency[k, 0, m] = columns.frequency[k, last, m]
+            columns.damping[k, 0, m] = columns.damping[k, last, m]
+            columns.frequency_sd[k, 0, m] = columns.frequency_sd[k, last, m]
+            columns.damping_sd[k, 0, m] = columns.damping_sd[k, last, m]
+            columns.status[k, 0, m] = columns.status[k, last, m]
+        state.filled[k] = 1
+
+
+@njit(**OPTIONS)
+def _row(sample, begin, halvings):
+    """Row of an octave's columns that holds at a sample of the source: the first of so many makes one."""
+    return (sample >> halvings) - ((begin - 1) >> halvings)
+
+
+@njit(**OPTIONS)
+def root_mean_square(samples):
+    """Root mean square of those samples that are measurements; 0 where there are none."""
+    total = 0.0
+    count = 0
+    for t in range(samples.shape[0]):
+        if abs(samples[t]) < rarma.LARGEST_SAMPLE:
+            total += samples[t] * samples[t]
+            count += 1
+    return math.sqrt(total / count) if count > 0 else 0.0
