@@ -44,7 +44,10 @@ def speed() -> None:
             n = inn.errors.size
             motion = Motion(*(np.zeros((2, n)) for _ in range(3)))
             start = time.process_time()
-            observe(inn.observer, known_forces(()), inn.recorded.samples, inn.recorded.missing, np.empty(n), motion)
+            recorded = inn.recorded
+            observe(
+                inn.observer, known_forces(()), recorded.samples, recorded.missing, inn.settled, np.empty(n), motion
+            )
             per_sample = (time.process_time() - start) / n
             names = [term.name for term in found.report.terms]
             figures = f"{seconds:5.0f} s  {frequency:5.0f} Hz {n:12d} {took:14.2f} s {1e9 * per_sample:12.0f} ns"

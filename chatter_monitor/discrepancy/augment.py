@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy.diagnosis import Case
 from chatter_monitor.discrepancy.evidence import Evidence
-from chatter_monitor.discrepancy.innovations import Innovations
+from chatter_monitor.discrepancy.innovations import Diverged, Innovations
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Excitation
@@ -25,6 +25,7 @@ Vector = NDArray[np.float64]
 
 STEPS = 8
 _SETTLED_NATS = 0.02
+_SHARES = (1.0, 0.4, 0.1)  # of a step, until it leads down
 _LARGEST_STEP = 0.5  # relative, of a shape
 _DERIVATIVE_STEP = 0.02
 
@@ -62,36 +63,77 @@ def augment(case: Case, found: Sequence[AppliedTerm]) -> Augmented:
     case : Case
     found : sequence of AppliedTerm
         Terms with the coefficients of the regression, beside those that the base has.
+
+    Raises
+    ------
+    Diverged
+        If the model runs away from the recording however little there is of the terms.
     """
     weight = case.weight
-    linear, terms = case.innovations.linear, [*case.innovations.terms, *found]
-    first = len(case.innovations.terms)
-    parameters: list[dict[str, tuple[float, float]]] = [{} for _ in found]
-    columns: list[Vector] = []
-    best: tuple[float, Innovations, Linear, list[AppliedTerm]] = (math.inf, case.innovations, linear, terms)
-    for _ in range(STEPS + 1):
-        inn = Innovations(case.recorded, linear, terms)
-        loss = _loss(inn, weight)
-        if loss > best[0] + 2.0:
-            break  # the step went too far
-        settled = best[0] - loss < _SETTLED_NATS
-        if loss < best[0]:
-            best = (loss, inn, linear, list(terms))
-        columns, where = _columns(case, inn, terms[first:])
-        evidence = Evidence(inn.white, np.array(columns), weight, [], case.evidence.block)
-        fit = evidence.regress(list(range(len(columns))))
-        for term, name, i in where:
-            parameters[term][name] = (terms[first + term].parameters[name], float(fit.sd[i]))
+    before = list(case.innovations.terms)
+    if any(applied.term.chip_thickness for applied in found):  # it stands for the delay whose chip never ends
+        before = [applied for applied in before if not applied.term.delayed]
+    linear, terms = case.innovations.linear, [*before, *found]
+    first = len(before)
+    here = _fitted(case, linear, terms, first, weight)
+    for _ in range(STEPS):
+        if here is None:  # too much of it even to begin with
+            terms = [*before, *(_softened(applied) for applied in terms[first:])]
+            here = _fitted(case, linear, terms, first, weight)
+            continue
+        there = None
+        for share in _SHARES:
+            change = share * here.change
+            moved = [*before, *_moved(here.terms[first:], here.where, change)]
+            there = _fitted(case, _retuned(here.linear, change[:2]), moved, first, weight)
+            if there is not None and there.loss < here.loss:
+                break
+        if there is None or there.loss >= here.loss:
+            break
+        settled = here.loss - there.loss < _SETTLED_NATS
+        here = there
         if settled:
             break
-        linear = _retuned(linear, fit.coefficients[:2])
-        terms = [*terms[:first], *_moved(terms[first:], where, fit.coefficients)]
-    _, inn, linear, terms = best
-    for term, known in enumerate(parameters):
-        for name in known:
-            known[name] = (terms[first + term].parameters[name], known[name][1])
-    gain = _loss(case.innovations, weight) - best[0]
-    return Augmented(calibrated(case, linear, terms), inn, parameters, columns, gain)
+    if here is None:
+        raise Diverged("the model with the terms that were found runs away")
+    parameters: list[dict[str, tuple[float, float]]] = [{} for _ in found]
+    for term, name, i in here.where:
+        parameters[term][name] = (here.terms[first + term].parameters[name], float(here.sd[i]))
+    gain = _loss(case.innovations, weight) - here.loss
+    system = calibrated(case, here.linear, here.terms)
+    return Augmented(system, here.innovations, parameters, here.columns, gain)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fitted:
+    """A model on the recording, and where the next Gauss-Newton step would take it."""
+
+    linear: Linear
+    terms: list[AppliedTerm]
+    innovations: Innovations
+    loss: float
+    columns: list[Vector]
+    where: list[tuple[int, str, int]]
+    change: Vector
+    sd: Vector
+
+
+def _fitted(case: Case, linear: Linear, terms: list[AppliedTerm], first: int, weight: Vector) -> _Fitted | None:
+    """Look at a model; None if it runs away from the recording."""
+    try:
+        inn = Innovations(case.recorded, linear, terms)
+    except Diverged:
+        return None
+    columns, where = _columns(case, inn, terms[first:])
+    evidence = Evidence(inn.white, np.array(columns), weight, [], case.evidence.block)
+    fit = evidence.regress(list(range(len(columns))))
+    return _Fitted(linear, terms, inn, _loss(inn, weight), columns, where, fit.coefficients, fit.sd)
+
+
+def _softened(applied: AppliedTerm) -> AppliedTerm:
+    """Half as much of a term."""
+    half = {p.name: 0.5 * applied.parameters[p.name] for p in applied.term.parameters if p.linear}
+    return AppliedTerm(applied.term, {**applied.parameters, **half})
 
 
 def _loss(inn: Innovations, weight: Vector) -> float:
@@ -105,8 +147,10 @@ def _columns(
 ) -> tuple[list[Vector], list[tuple[int, str, int]]]:
     """Signatures of the modes' retuning, of the nuisance, and of every parameter that is free."""
     motion = inn.motion
-    columns = [inn.respond(motion.x), inn.respond(motion.v), inn.respond(np.ones_like(motion.x))]
-    columns += [case.matrix[i] for i in case.evidence.nuisance[3:]]
+    nuisance = [*inn.respond([motion.x, motion.v, np.ones_like(motion.x)])]
+    fitted_here = case.columns.get("lagged", []) if any(applied.term.delayed for applied in terms) else []
+    nuisance += [case.matrix[i] for i in case.evidence.nuisance[3:] if i not in fitted_here]
+    slopes: list[Vector] = []
     where: list[tuple[int, str, int]] = []
     for number, applied in enumerate(terms):
         for parameter in applied.term.parameters:
@@ -122,9 +166,9 @@ def _columns(
                     shifted[parameter.name] = value
                 ends.append((inn.force(applied.term, _values(applied, shifted)), shifted[parameter.name]))
             slope = (ends[0][0] - ends[1][0]) / (ends[0][1] - ends[1][1])
-            where.append((number, parameter.name, len(columns)))
-            columns.append(inn.respond(slope))
-    return columns, where
+            where.append((number, parameter.name, len(nuisance) + len(slopes)))
+            slopes.append(slope)
+    return [*nuisance, *inn.respond(slopes)], where
 
 
 def _values(applied: AppliedTerm, parameters: dict[str, float]) -> list[float]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal as dsp
 from scipy.interpolate import BSpline
 
 from chatter_monitor.discrepancy.innovations import Innovations
@@ -19,6 +20,7 @@ BUMPS = 7  # per axis of the phase plane
 REACH = 3.2  # of the bumps, in standard deviations
 AMPLITUDES = 5
 WAVES = 4  # of slow changes along the recording
+MEMORIES_S = (0.02, 0.08, 0.32)  # of what depends on the motion before
 HARMONICS = 3  # of the spindle and of the teeth
 
 
@@ -47,12 +49,12 @@ def scales(motion: Motion) -> tuple[float, float]:
     return float(np.std(motion.x[0])), float(np.std(motion.v[0]))
 
 
-def surface(innovations: Innovations) -> list[Matrix]:
+def surface(innovations: Innovations) -> Matrix:
     """Signatures of BUMPS x BUMPS bumps over the phase plane, displacement first."""
     sd_x, sd_v = scales(innovations.motion)
     over_x = splines(innovations.motion.x / sd_x, BUMPS, -REACH, REACH)
     over_v = splines(innovations.motion.v / sd_v, BUMPS, -REACH, REACH)
-    return [innovations.respond(bx * bv) for bx in over_x for bv in over_v]
+    return innovations.respond([bx * bv for bx in over_x for bv in over_v])
 
 
 def surface_at(coefficients: Matrix, x: Matrix, v: Matrix) -> Matrix:
@@ -61,37 +63,54 @@ def surface_at(coefficients: Matrix, x: Matrix, v: Matrix) -> Matrix:
     return np.asarray(np.einsum("ij,i...,j...->...", coefficients.reshape(BUMPS, BUMPS), over_x, over_v))
 
 
-def by_amplitude(innovations: Innovations) -> list[Matrix]:
+def by_amplitude(innovations: Innovations) -> Matrix:
     """Signatures of a spring and of a damper at each of several amplitudes."""
     motion = innovations.motion
     sd_x, sd_v = scales(motion)
     amplitude = np.hypot(motion.x / sd_x, motion.v / sd_v)
     bumps = splines(amplitude, AMPLITUDES, 0.0, 3.5)
     w = sd_v / sd_x
-    return [innovations.respond(bump * state) for state in (w * w * motion.x, w * motion.v) for bump in bumps]
+    return innovations.respond([bump * state for state in (w * w * motion.x, w * motion.v) for bump in bumps])
 
 
-def along_time(innovations: Innovations) -> list[Matrix]:
+def by_memory(innovations: Innovations) -> Matrix:
+    """Signatures of a spring and of a damper that follow the energy of the last moments."""
+    motion = innovations.motion
+    sd_x, sd_v = scales(motion)
+    energy = 0.5 * ((motion.x / sd_x) ** 2 + (motion.v / sd_v) ** 2)
+    w = sd_v / sd_x
+    forces = []
+    for memory_s in MEMORIES_S:
+        kept = float(np.exp(-innovations.observer.step_s / memory_s))
+        past = dsp.lfilter([1.0 - kept], [1.0, -kept], energy[0])
+        follows = np.stack([past, kept * past + (1.0 - kept) * energy[1]])
+        forces += [w * w * follows * motion.x, w * follows * motion.v]
+    return innovations.respond(forces)
+
+
+def along_time(innovations: Innovations) -> Matrix:
     """Signatures of a spring and of a damper that change slowly along the recording."""
     motion = innovations.motion
     n = motion.x.shape[1]
     phase = np.pi * (np.arange(n) + 0.5) / n
     waves = [np.cos(k * phase) for k in range(1, WAVES + 1)]
-    return [innovations.respond(wave * state) for state in (motion.x, motion.v) for wave in waves]
+    return innovations.respond([wave * state for state in (motion.x, motion.v) for wave in waves])
 
 
-def along_angle(innovations: Innovations) -> list[Matrix]:
+def along_angle(innovations: Innovations) -> Matrix:
     """Signatures of forces, and of springs, that turn with the spindle."""
     spindle = innovations.linear.spindle
     if spindle is None:
-        return []
+        return np.empty((0, innovations.errors.size))
     motion = innovations.motion
     n = motion.x.shape[1]
     angle = innovations.observer.turn * np.stack([np.arange(n), np.arange(1, n + 1)])
     orders = sorted(set(range(1, HARMONICS + 1)) | {k * spindle.teeth for k in range(1, HARMONICS + 1)})
-    return [
-        innovations.respond(wave(k * angle) * state)
-        for k in orders
-        for state in (np.ones_like(motion.x), motion.x)
-        for wave in (np.cos, np.sin)
-    ]
+    return innovations.respond(
+        [
+            wave(k * angle) * state
+            for k in orders
+            for state in (np.ones_like(motion.x), motion.x)
+            for wave in (np.cos, np.sin)
+        ]
+    )

@@ -6,7 +6,7 @@ the bounds that physics puts on it. Shapes are relative to the rms displacement 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -25,6 +25,8 @@ SHAPES: dict[tuple[str, str], tuple[str, tuple[float, ...]]] = {
 }
 # What one recording cannot tell from viscous damping, and what the spectrum tells: lines, and the comb of a delay.
 ELSEWHERE = ("process_damping", "periodic_forcing", "regenerative_delay", "loss_of_contact")
+# x, v, lagged, angle, w, memory
+_PROBES = tuple((0.7 * s, 0.3 * s * s - 0.8, 0.2 * s, 0.5, 1.0, 0.4 * s) for s in (-3.1, -1.3, -0.4, 0.2, 0.9, 2.3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +59,15 @@ class Candidate:
         """Lower bounds of the coefficients."""
         return tuple(self.term.parameters[i].lower for i in self.linear)
 
-    def units(self) -> Iterator[tuple[float, ...]]:
-        """Parameters with one coefficient 1 and the others 0, for each coefficient."""
-        for i in self.linear:
-            yield tuple(1.0 if j == i else value for j, value in enumerate(self.values))
+    def unit(self, i: int) -> tuple[float, ...]:
+        """Parameters with coefficient `i` 1 and the others 0."""
+        return tuple(1.0 if j == i else value for j, value in enumerate(self.values))
+
+    def acts(self, i: int) -> tuple[float, ...]:
+        """What that unit does at a few states: equal for equal forces, whatever they are called."""
+        unit = self.unit(i)
+        laws = [self.term.force, *([self.term.memory_rate] if self.term.memory_rate else [])]
+        return tuple(law(*state, unit) for law in laws for state in _PROBES)
 
     def with_coefficients(self, coefficients: Sequence[float]) -> dict[str, float]:
         """Parameters by name."""
@@ -70,7 +77,9 @@ class Candidate:
         return {p.name: value for p, value in zip(self.term.parameters, values, strict=True)}
 
 
-def candidates(sd_x: float, sd_v: float, spindle: Spindle | None, present: Sequence[str] = ()) -> list[Candidate]:
+def candidates(
+    sd_x: float, sd_v: float, spindle: Spindle | None, present: Sequence[str] = (), regenerates: bool = False
+) -> list[Candidate]:
     """All candidates for a motion of that size.
 
     Parameters
@@ -81,11 +90,14 @@ def candidates(sd_x: float, sd_v: float, spindle: Spindle | None, present: Seque
         Delayed terms are candidates only with one.
     present : sequence of str
         Terms that the model has already.
+    regenerates : bool
+        The machine has a delay; then the tool may leave the cut.
     """
     scale = {"x": sd_x, "v": sd_v, "1": 1.0}
     found = []
     for term in CATALOGUE.values():
-        if term.name in ELSEWHERE or term.name in present or (term.delayed and spindle is None):
+        leaves = regenerates and term.chip_thickness is not None
+        if (term.name in ELSEWHERE and not leaves) or term.name in present or (term.delayed and spindle is None):
             continue
         linear = tuple(i for i, p in enumerate(term.parameters) if p.linear)
         shapes = [i for i in range(len(term.parameters)) if i not in linear]

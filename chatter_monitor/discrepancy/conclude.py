@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from chatter_monitor.discrepancy.augment import Augmented, augment, calibrated
@@ -36,6 +35,7 @@ RETUNED_P = 1e-3  # of the modes of the model file
 MAPPED_P = 1e-5  # of a map that nothing explains
 REST_SHARE = 0.2  # of a named term's held-out gain that an unnamed static force may add
 REST_NATS = 6.0
+_STATIC = ("phase_plane", "displacement", "velocity", "amplitude")  # maps of what has no memory
 DETECT_NATS = 10.0
 HARMONIC_WIDTH = 0.1  # about the orders 2 and 3 of the mode
 _MAINS_HZ = (50.0, 60.0)
@@ -122,14 +122,19 @@ def conclude(case: Case) -> Diagnosis:
     findings += _merged([each for each in tones if each is not None])
     if any(each is None for each in tones):
         strange.append("a tone that belongs neither to the spindle nor to the mains")
-    findings += [_omission(case, o.name) for o in case.base.omissions if not _harmonic(case, o)]
+    leaves_cut = any(scored.candidate.term.chip_thickness for scored in case.named)
+    findings += [
+        _omission(case, o.name)
+        for o in case.base.omissions
+        if not _harmonic(case, o) and not (o.name == "regenerative_delay" and leaves_cut)
+    ]
     if case.offset_p < SURE:
         findings.append(_plain("offset_drift", None, {}, 0.0, case.offset_p))
     rest = restlessness(case.explained(), case.innovations.used, case.recorded.rate_hz)
     if rest.kind is not None:
         findings.append(_plain(rest.kind, None, {}, rest.gain_nats, rest.p_value))
     augmented = None
-    found = [_applied(scored) for scored in case.named]
+    found = [_applied(case, scored) for scored in case.named]
     delayed = list(case.innovations.terms[len(case.system.terms) :])
     if found:
         augmented = augment(case, found[:1])
@@ -140,7 +145,8 @@ def conclude(case: Case) -> Diagnosis:
         if len(found) > 1:
             augmented = augment(case, found)
             case.rest, plane = examine_rest(case, augmented.innovations, augmented.columns)
-        case.rest_maps = [next((p for p in plane if p.name == m.name), m) for m in case.rest_maps]
+        known = {each.name for each in plane}
+        case.rest_maps = [*plane, *(each for each in case.rest_maps if each.name not in known)]
         for scored, parameters in zip(case.named, augmented.parameters, strict=True):
             findings.append(_finding(scored, parameters))
     elif delayed or case.base.omissions:
@@ -151,10 +157,8 @@ def conclude(case: Case) -> Diagnosis:
     if case.local is not None:
         findings.append(_local_finding(case, case.local))
     maps = {each.name: each for each in case.rest_maps}
-    drift = maps["time"].p_value < MAPPED_P and case.local is None
-    if drift and not any(f.name in ("nonstationary_excitation", "impacts") for f in findings):
-        statistic = maps["time"]
-        findings.append(_plain("parameter_drift", None, {}, 0.5 * statistic.value, statistic.p_value))
+    if case.drift is not None and not any(f.name in ("nonstationary_excitation", "impacts") for f in findings):
+        findings.append(_plain("parameter_drift", None, {}, 0.5 * case.drift.value, case.drift.p_value))
     strange += _unexplained(case, maps, bool(findings))
     verdict: Verdict
     if strange:
@@ -236,9 +240,11 @@ def _merged(tones: Sequence[Finding]) -> list[Finding]:
     return list(best.values())
 
 
-def _applied(scored: Scored) -> AppliedTerm:
+def _applied(case: Case, scored: Scored) -> AppliedTerm:
     fitted = dict(zip(scored.columns, scored.fit.coefficients, strict=True))
     coefficients = [float(fitted.get(column, 0.0)) for column in scored.all_columns]
+    if scored.candidate.term.chip_thickness:  # the delay that the base was found to have is the same force
+        coefficients = [case.base.linear.regeneration]
     return AppliedTerm(scored.candidate.term, scored.candidate.with_coefficients(coefficients))
 
 
@@ -258,7 +264,9 @@ def _finding(scored: Scored, parameters: dict[str, tuple[float, float]]) -> Find
 
 def _local_finding(case: Case, local: Local) -> Finding:
     begin, end = (block * BLOCK_S for block in local.blocks)
-    fit = case.evidence.regress(local.columns, _inside(case, local.blocks))
+    *nuisance, confined = case.evidence.nuisance
+    with case.contest.instead(nuisance) as evidence:
+        fit = evidence.regress([confined])
     name = local.candidate.term.parameters[local.candidate.linear[0]]
     estimate = {name.name: _estimate(fit.coefficients[0], fit.sd[0], name.unit)}
     sense = None
@@ -268,23 +276,20 @@ def _local_finding(case: Case, local: Local) -> Finding:
     return Finding(local.candidate.name, sense, estimate, fit.gain, local.p_value, why)
 
 
-def _inside(case: Case, blocks: tuple[int, int]) -> NDArray[np.bool_]:
-    inside = np.zeros(case.evidence.blocks, dtype=bool)
-    inside[blocks[0] : blocks[1]] = True
-    return inside
-
-
 def _unexplained(case: Case, maps: dict[str, Statistic], something: bool) -> list[str]:
     """What is located and not named, in words."""
     strange: list[str] = []
     if case.unrest is not None and case.unrest.kind == "impacts":
         return strange  # the tests of the maps suppose errors without heavy tails
     named = sum(max(scored.evidence_nats, 0.0) for scored in case.named)
-    left = max(_excess_nats(maps["phase_plane"]), _excess_nats(maps["amplitude"]))
-    surface = min(maps["phase_plane"].p_value, maps["amplitude"].p_value) < MAPPED_P
-    strong = left > max(REST_NATS, REST_SHARE * named)
-    if surface and case.local is None and (strong if case.named else not something):
+    if case.local is not None:
+        named += case.local.gain_nats + case.local.held_out_nats
+    static = [maps[name] for name in _STATIC if name in maps]
+    left = [_excess_nats(each) for each in static if each.p_value < MAPPED_P]
+    if left and (max(left) > max(REST_NATS, REST_SHARE * named) if named else not something):
         strange.append("a force that depends on displacement and velocity like nothing in the catalogue")
+    elif maps["memory"].p_value < MAPPED_P and _excess_nats(maps["memory"]) > max(REST_NATS, REST_SHARE * named):
+        strange.append("a force that depends on how the tool moved before like nothing in the catalogue")
     if maps["angle"].p_value < MAPPED_P:
         strange.append("a stiffness that swings periodically")
     if maps["lag"].p_value < MAPPED_P and not case.tones:
@@ -398,7 +403,7 @@ def _information(case: Case) -> list[Information]:
     found: dict[str, Information] = {}
     for scored in case.ranking:
         candidate = scored.candidate
-        unit = next(iter(candidate.units()))
+        unit = candidate.unit(candidate.linear[0])
         force = inn.force(candidate.term, unit)[0]
         rest = force - linear @ np.linalg.lstsq(linear, force, rcond=None)[0]
         sd = float(evidence.regress(scored.all_columns[:1], ~case.training).sd[0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -39,7 +39,7 @@ from chatter_monitor.discrepancy.report import Statistic
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Mode
-from chatter_monitor.physics.terms import CATALOGUE
+from chatter_monitor.physics.terms import CATALOGUE, Term
 
 Vector = NDArray[np.float64]
 
@@ -106,12 +106,14 @@ class Case:
     rest_maps: list[Statistic] = field(default_factory=list)
     swing: Modulation | None = None
     local: Local | None = None
+    drift: Statistic | None = None
 
     def explained(self) -> Vector:
         """Whitened errors less what is named and the nuisance columns."""
-        columns = [*self.evidence.nuisance, *(c for scored in self.named for c in scored.columns)]
-        fit = self.evidence.regress([c for scored in self.named for c in scored.columns])
-        return np.asarray(self.innovations.white - fit.all_coefficients @ self.matrix[columns])
+        nuisance = self.evidence.nuisance
+        columns = [c for scored in self.named for c in scored.columns if c not in nuisance]
+        fit = self.evidence.regress(columns)
+        return np.asarray(self.innovations.white - fit.all_coefficients @ self.matrix[[*nuisance, *columns]])
 
     @property
     def weight(self) -> Vector:
@@ -234,30 +236,29 @@ def _gather(case: Case) -> None:
     columns: list[Vector] = []
     groups: dict[str, list[int]] = {}
 
-    def add(name: str, new: Sequence[Vector]) -> list[int]:
+    def add(name: str, new: Iterable[Vector]) -> list[int]:
+        new = list(new)
         index = list(range(len(columns), len(columns) + len(new)))
         columns.extend(new)
         groups.setdefault(name, []).extend(index)
         return index
 
     motion = inn.motion
-    add("nuisance", [inn.respond(motion.x), inn.respond(motion.v), inn.respond(np.ones_like(motion.x))])
+    add("nuisance", inn.respond([motion.x, motion.v, np.ones_like(motion.x)]))
     if len(inn.linear.modes) > 1 or case.system.terms:
         add("nuisance", _retuned(inn))
     if inn.linear.delay_s is not None:
-        add("nuisance", [inn.respond(motion.lagged)])
+        case.columns["lagged"] = add("nuisance", inn.respond([motion.lagged]))
     t = np.arange(recorded.samples.size)
     for tone in case.tones:
         turn = 2.0 * np.pi * tone.frequency_hz / recorded.rate_hz * t
         add("nuisance", [np.cos(turn), np.sin(turn)])
     sd_x, sd_v = basis.scales(motion)
     present = [applied.term.name for applied in case.system.terms]
-    entries = [
-        (candidate, add("terms", [inn.of_term(candidate.term, unit) for unit in candidate.units()]))
-        for candidate in candidates(sd_x, sd_v, inn.linear.spindle, present)
-    ]
+    entries = _entries(inn, candidates(sd_x, sd_v, inn.linear.spindle, present, inn.linear.delay_s is not None), add)
     add("surface", basis.surface(inn))
     add("amplitude", basis.by_amplitude(inn))
+    add("memory", basis.by_memory(inn))
     add("time", basis.along_time(inn))
     add("angle", basis.along_angle(inn))
     unrest = restlessness(inn.white, inn.used, recorded.rate_hz)
@@ -266,9 +267,21 @@ def _gather(case: Case) -> None:
     block = max(1, round(BLOCK_S * recorded.rate_hz))
     matrix = np.array(columns)
     case.evidence = Evidence(inn.white, matrix, weight, groups["nuisance"], block)
-    case.columns = groups
+    case.columns |= groups
     case.swing = modulation(inn, weight, matrix[0])
     case.contest, case.matrix = Contest(case.evidence, entries), matrix
+
+
+def _entries(
+    inn: Innovations, tried: Sequence[Candidate], add: Callable[[str, Iterable[Vector]], list[int]]
+) -> list[tuple[Candidate, list[int]]]:
+    """Candidates with the columns of their coefficients; forces that several candidates share are worked out once."""
+    forces: dict[tuple[float, ...], tuple[Term, tuple[float, ...]]] = {}
+    for candidate in tried:
+        for i in candidate.linear:
+            forces.setdefault(candidate.acts(i), (candidate.term, candidate.unit(i)))
+    at = dict(zip(forces, add("terms", inn.of_terms([*forces.values()])), strict=True))
+    return [(candidate, [at[candidate.acts(i)] for i in candidate.linear]) for candidate in tried]
 
 
 def _retuned(inn: Innovations) -> list[Vector]:
@@ -298,21 +311,30 @@ def _with(modes: tuple[Mode, ...], i: int, mode: Mode) -> tuple[Mode, ...]:
 
 
 def _decide(case: Case) -> None:
-    """Names, the ceiling, and a stretch that holds what the whole does not."""
+    """Names, the ceiling, and what changes along the recording: that first, so that no name has to stand for it."""
     evidence = case.evidence
-    case.named, case.ranking = case.contest.run()
-    case.ceiling = ceiling(evidence, case.columns["surface"], case.training)
-    if not case.named or subspace_map("time", evidence, case.columns["time"]).p_value < SURE:
-        case.local = _local(case)
-        if case.local is not None:
-            case.named = [each for each in case.named if each.candidate.name != case.local.candidate.name]
-    given = [column for scored in case.named for column in scored.columns]
     case.maps = _maps(case, evidence)
-    before = evidence.nuisance
-    evidence.nuisance = [*before, *given]
-    case.rest = ceiling(evidence, case.columns["surface"], case.training)
-    case.rest_maps = _maps(case, evidence)
-    evidence.nuisance = before
+    case.ceiling = ceiling(evidence, case.columns["surface"], case.training)
+    case.named, case.ranking = case.contest.run()
+    with case.contest.beside([column for scored in case.named for column in scored.columns]):
+        changing = subspace_map("time", evidence, case.columns["time"])
+    if changing.p_value < SURE or not case.named:
+        case.local = _local(case)
+    if case.local is not None:
+        inside = np.zeros(evidence.blocks, dtype=bool)
+        inside[slice(*case.local.blocks)] = True
+        evidence.nuisance.append(evidence.confined(case.local.columns[0], inside))  # the last, for `conclude`
+        where = np.repeat(inside, evidence.block)
+        where = np.pad(where, (0, max(case.matrix.shape[1] - where.size, 0)), "edge")[: case.matrix.shape[1]]
+        case.matrix = np.vstack([case.matrix, case.matrix[case.local.columns[0]] * where])
+    elif changing.p_value < SURE:
+        case.drift = changing
+        evidence.nuisance += case.columns["time"]
+    if case.local is not None or case.drift is not None:
+        case.named, _ = case.contest.run()
+    with case.contest.beside([column for scored in case.named for column in scored.columns]):
+        case.rest = ceiling(evidence, case.columns["surface"], case.training)
+        case.rest_maps = _maps(case, evidence)
 
 
 def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector]) -> tuple[Surface, list[Statistic]]:
@@ -331,25 +353,31 @@ def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector]) -> tupl
     Surface
         What any static force would add.
     list of Statistic
-        Maps over the phase plane and over the amplitude.
+        Maps over the phase plane, over displacement and velocity alone, the amplitude, and the energy of the past.
     """
-    surface, amplitude = basis.surface(inn), basis.by_amplitude(inn)
-    first, second = len(fitted), len(fitted) + len(surface)
-    columns = np.array([*fitted, *surface, *amplitude])
-    evidence = Evidence(inn.white, columns, case.weight, list(range(first)), case.evidence.block)
-    plane = list(range(first, second))
-    maps = [
-        subspace_map("phase_plane", evidence, plane),
-        subspace_map("amplitude", evidence, list(range(second, len(columns)))),
-    ]
-    return ceiling(evidence, plane, case.training), maps
+    surface = basis.surface(inn)
+    by_both = surface.reshape(basis.BUMPS, basis.BUMPS, -1)
+    families = {
+        "phase_plane": surface,
+        "displacement": by_both.sum(axis=1),
+        "velocity": by_both.sum(axis=0),
+        "amplitude": basis.by_amplitude(inn),
+        "memory": basis.by_memory(inn),
+    }
+    columns, groups = [*fitted], {}
+    for name, family in families.items():
+        groups[name] = list(range(len(columns), len(columns) + len(family)))
+        columns.extend(family)
+    evidence = Evidence(inn.white, np.array(columns), case.weight, list(range(len(fitted))), case.evidence.block)
+    maps = [subspace_map(name, evidence, index) for name, index in groups.items()]
+    return ceiling(evidence, groups["phase_plane"], case.training), maps
 
 
 def _maps(case: Case, evidence: Evidence) -> list[Statistic]:
     """The six maps beside the nuisance columns of the moment."""
     inn, groups = case.innovations, case.columns
     white = case.explained()
-    time = subspace_map("time", evidence, groups["time"])
+    time = Statistic("time", 0.0, 1.0) if case.drift else subspace_map("time", evidence, groups["time"])
     spectrum, _, _ = frequency_map(case.base.spectrum, case.base.fitted)
     lag, _, _ = lag_map(white, inn.used, inn.recorded.rate_hz)
     angle = subspace_map("angle", evidence, groups["angle"])
@@ -361,13 +389,17 @@ def _maps(case: Case, evidence: Evidence) -> list[Statistic]:
         spectrum,
         subspace_map("phase_plane", evidence, groups["surface"]),
         subspace_map("amplitude", evidence, groups["amplitude"]),
+        subspace_map("memory", evidence, groups["memory"]),
         lag,
         angle,
     ]
 
 
 def _local(case: Case) -> Local | None:
-    """An effect in a part of the recording: found on the training blocks, confirmed by the held-out ones in it."""
+    """An effect in a part of the recording: found on the training blocks, confirmed by the held-out ones in it.
+
+    It has to beat everything that acts all along.
+    """
     evidence = case.evidence
     halves = [evidence.only(case.training), evidence.only(~case.training)]
     best: Local | None = None
@@ -386,6 +418,8 @@ def _local(case: Case) -> Local | None:
         check = evidence.regress(columns, inside & ~case.training)
         p = float(stats.norm.sf(check.coefficients[0] / check.sd[0] * np.sign(fit.coefficients[0])))
         best = Local(candidate, columns, (2 * first, 2 * last), gain, check.gain, p)
-    if best is None or best.p_value > SURE or best.gain_nats < LESS_NATS:
+    all_along = max((entry[0] for entry in case.contest.best([], case.training).values()), default=0.0)
+    if best is None or best.p_value > SURE or best.gain_nats < max(all_along, 0.0) + LESS_NATS:
         return None
-    return best
+    begin, end, _, _ = stretch(evidence, best.columns[0])  # all blocks together tell the ends better
+    return replace(best, blocks=(begin, end)) if begin < best.blocks[1] and end > best.blocks[0] else best

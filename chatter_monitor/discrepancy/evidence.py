@@ -8,8 +8,9 @@ combinations, held-out tests, is linear algebra on sums of these small matrices.
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -78,6 +79,13 @@ class Evidence:
         part.__dict__.pop("everything", None)
         return part
 
+    def confined(self, column: int, blocks: NDArray[np.bool_]) -> int:
+        """Add a column that is another one in some blocks and 0 elsewhere; return its number."""
+        row = self.products[:, column + 1, :] * blocks[:, None]
+        corner = row[:, column + 1]
+        self.products = np.block([[self.products, row[:, :, None]], [row[:, None, :], corner[:, None, None]]])
+        return int(self.products.shape[1]) - 2
+
     @property
     def blocks(self) -> int:
         """How many."""
@@ -98,19 +106,21 @@ class Evidence:
         return _regress(total, self.nuisance, list(columns))
 
     def bounded(
-        self, columns: Sequence[int], lower: Sequence[float], blocks: NDArray[np.bool_] | None = None
+        self, columns: Sequence[int], lower: Sequence[float], price: float, blocks: NDArray[np.bool_] | None = None
     ) -> tuple[list[int], Regressed]:
         """Fit with coefficients not below their bounds (0 or none); which columns are left, and their fit.
 
-        Columns at their bound are left out: with one or two of them that is the solution of the bounded problem.
+        Columns at their bound are left out, with one or two of them that is the solution of the bounded problem; and
+        those that do not gain their price in nats.
         """
         total = self.over(self.everything if blocks is None else blocks)
-        best: tuple[list[int], Regressed] = ([], _regress(total, self.nuisance, []))
+        best: tuple[list[int], Regressed] = ([], replace(_regress(total, self.nuisance, []), gain=-math.inf))
         for mask in range(1, 1 << len(columns)):
             chosen = [c for i, c in enumerate(columns) if mask >> i & 1]
             floor = [low for i, low in enumerate(lower) if mask >> i & 1]
             fit = _regress(total, self.nuisance, chosen)
-            if all(c >= low for c, low in zip(fit.coefficients, floor, strict=True)) and fit.gain > best[1].gain:
+            allowed = all(c >= low for c, low in zip(fit.coefficients, floor, strict=True))
+            if allowed and fit.gain - price * len(chosen) > best[1].gain - price * len(best[0]):
                 best = (chosen, fit)
         return best
 

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.observer import Linear, observer, sized
 from chatter_monitor.discrepancy.whitening import ORDER, trusted, whitened, whitener
-from chatter_monitor.kernels.signatures import Forces, Motion, force_along, observe, signature
+from chatter_monitor.kernels.signatures import SMOOTH, SUBSTEPS, Forces, Motion, force_along, observe, signatures
 from chatter_monitor.physics.parts import AppliedTerm
 from chatter_monitor.physics.terms import Term
 
 Vector = NDArray[np.float64]
+_SIDE_BY_SIDE = 16  # signatures: enough for the processor's vectors, and few enough for its caches
 _MEMORY_DECAYS = 5.0  # samples before a used one that have to be there, in decay times of the filter
 
 
@@ -26,6 +27,7 @@ def known_forces(terms: Sequence[AppliedTerm]) -> Forces:
     return Forces(
         np.array([applied.term.compiled_force.address for applied in terms], dtype=np.int64),
         np.array([_rate(applied.term) for applied in terms], dtype=np.int64),
+        np.array([_substeps(applied.term) for applied in terms], dtype=np.int64),
         np.array(columns[:-1], dtype=np.int64),
         np.array([value for applied in terms for value in applied.values] or [0.0]),
     )
@@ -34,6 +36,14 @@ def known_forces(terms: Sequence[AppliedTerm]) -> Forces:
 def _rate(term: Term) -> int:
     rate = term.compiled_rate
     return rate.address if rate else 0
+
+
+def _substeps(term: Term) -> int:
+    return SMOOTH if term.smooth else SUBSTEPS
+
+
+class Diverged(ArithmeticError):
+    """A model whose prediction runs away from the recording."""
 
 
 class Innovations:
@@ -54,8 +64,10 @@ class Innovations:
     ----------
     errors, white : ndarray of float64, shape (n,)
         Prediction errors, before and after whitening.
+    settled : ndarray of bool, shape (n,)
+        Samples at which the filter has forgotten where it began.
     used : ndarray of bool, shape (n,)
-        Samples whose prediction rests on samples that are all there.
+        Samples whose prediction rests on such samples.
     motion : Motion
         Of the tool.
     """
@@ -70,9 +82,13 @@ class Innovations:
         self.motion = Motion(*(np.zeros((2, n)) for _ in range(3)))
         known = known_forces(self.terms)
         for _ in range(2 if self.terms else 1):  # the size of the errors is known after the first run
-            observe(self.observer, known, recorded.samples, recorded.missing, self.errors, self.motion)
-            self.used = trusted(recorded.missing, ORDER + self._memory())
+            memory = self._memory()
+            self.settled = trusted(recorded.missing, memory)
+            observe(self.observer, known, recorded.samples, recorded.missing, self.settled, self.errors, self.motion)
+            self.used = trusted(recorded.missing, ORDER + 2 * memory)
             size = float(np.std(self.errors[self.used]))
+            if not math.isfinite(size):
+                raise Diverged("the prediction errors grow without bound")
             self.observer = sized(observer(linear, recorded.rate_hz), size)
         self.taps = whitener(self.errors, self.used) if taps is None else taps
         self.white = whitened(self.errors, self.taps)
@@ -88,17 +104,30 @@ class Innovations:
         """Force of a term along the motion, shape (3, n); see `kernels.signatures.force_along`."""
         out = np.empty((3, self.errors.size))
         parameters = np.array(values, dtype=np.float64)
-        force_along(self.observer, self.motion, term.compiled_force.address, _rate(term), parameters, out)
+        how = term.compiled_force.address, _rate(term), _substeps(term)
+        force_along(self.observer, self.motion, self.settled, *how, parameters, out)
         return out
 
-    def respond(self, force: NDArray[np.float64]) -> Vector:
-        """Whitened signature of a force given as (3, n), or as (2, n) from a state of the motion."""
-        if force.shape[0] == 2:
-            force = force[[0, 1, 1]]
-        out = np.empty(self.errors.size)
-        signature(self.observer, np.ascontiguousarray(force), self.recorded.missing, out)
-        return whitened(out, self.taps)
+    def respond(self, forces: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Whitened signatures of forces.
 
-    def of_term(self, term: Term, values: Sequence[float]) -> Vector:
-        """Whitened signature of a term."""
-        return self.respond(self.force(term, values))
+        Parameters
+        ----------
+        forces : sequence of ndarray of float64, shape (2, n) or (3, n), all alike
+            As functions of the state of `motion`, or from `force`.
+
+        Returns
+        -------
+        ndarray of float64, shape (len(forces), n)
+        """
+        found = np.empty((len(forces), self.errors.size))
+        for some in np.array_split(np.arange(len(forces)), max(1, math.ceil(len(forces) / _SIDE_BY_SIDE))):
+            together = np.stack([forces[i] for i in some]) if some.size else np.empty((0, 2, self.errors.size))
+            out = np.empty((some.size, self.errors.size))
+            signatures(self.observer, together, self.recorded.missing, self.taps, out)
+            found[some] = out
+        return found
+
+    def of_terms(self, terms: Sequence[tuple[Term, Sequence[float]]]) -> NDArray[np.float64]:
+        """Whitened signatures of terms with their parameters, shape (len(terms), n)."""
+        return self.respond([self.force(term, values) for term, values in terms])

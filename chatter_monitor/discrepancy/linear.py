@@ -7,6 +7,7 @@ same periodogram by the same likelihood as the base, smooth colour always allowe
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy import ndimage, stats
@@ -21,6 +22,8 @@ _OTHER_QUANTITY_NATS = 40.0
 _COMB = (0.55, 0.65, 0.75, 0.85, 1.18, 1.33, 1.5, 1.7)  # wrong delays over the right one
 _SPEED_ERROR = 0.04  # of the nominal spindle speed
 _BEYOND_COMB_NATS = 5.0
+_PARTS = 4  # of the recording, in all but one of which a second mode has to be seen
+_LASTING_SHARE = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +101,7 @@ def fit_base(recorded: Recorded, given: Linear) -> Base:
     for omission in (_second_mode(spectrum, fitted), _coloured(spectrum, fitted), _regeneration(spectrum, fitted)):
         if omission is not None:
             alternatives.append((omission.name, omission.gain_nats))
-            if omission.gain_nats > NEEDED_NATS:
+            if omission.gain_nats > NEEDED_NATS and _lasting(recorded, fitted, omission):
                 omissions.append(omission)
     omissions.sort(key=lambda each: -each.gain_nats)
     return Base(as_given, fitted, omissions[:1], quantity, alternatives, spectrum)
@@ -157,6 +160,19 @@ def _second_mode(spectrum: Periodogram, base: SpectralFit) -> Omission | None:
         "participation": (abs(added.participation), float(sd[2])),
     }
     return Omission("second_mode", best, gain, float(stats.chi2.sf(2.0 * max(gain, 0.0), 3)), values)
+
+
+def _lasting(recorded: Recorded, base: SpectralFit, omission: Omission) -> bool:
+    """Whether a second mode is there all along: a machine that changes once has two peaks in its spectrum as well."""
+    if omission.name != "second_mode":
+        return True
+    edges = np.linspace(0, recorded.samples.size, _PARTS + 1).astype(int)
+    gains = []
+    for begin, end in pairwise(edges):
+        part = Recorded(recorded.samples[begin:end], recorded.missing[begin:end], recorded.rate_hz)
+        spectrum = _spectrum(part, base.linear)
+        gains.append(fit(spectrum, base.linear).nll - fit(spectrum, omission.fit.linear).nll)
+    return sorted(gains)[1] * _PARTS > _LASTING_SHARE * omission.gain_nats
 
 
 def _coloured(spectrum: Periodogram, base: SpectralFit) -> Omission | None:

@@ -6,7 +6,8 @@ less a price for every parameter, and counts when the held-out blocks confirm it
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,9 +72,9 @@ class Contest:
     def best(self, given: Sequence[int], blocks: NDArray[np.bool_]) -> dict[str, Entry]:
         """Best shape of every name, with its gain less its price, beside columns that are given."""
         found: dict[str, Entry] = {}
-        with self._beside(given) as evidence:
+        with self.beside(given) as evidence:
             for candidate, columns in self.entries:
-                left, fit = evidence.bounded(columns, candidate.lower, blocks)
+                left, fit = evidence.bounded(columns, candidate.lower, PRICE_NATS, blocks)
                 score = fit.gain - PRICE_NATS * (len(left) + candidate.shapes) if left else 0.0
                 if candidate.name not in found or score > found[candidate.name][0]:
                     found[candidate.name] = (score, candidate, columns, left)
@@ -82,7 +83,7 @@ class Contest:
     def score(self, entry: Entry, given: Sequence[int]) -> Scored:
         """Evidence of one candidate."""
         _, candidate, all_columns, columns = entry
-        with self._beside(given) as evidence:
+        with self.beside(given) as evidence:
             fit = evidence.regress(columns)
             trained = evidence.regress(columns, self.training)
             base = evidence.regress([], self.training)
@@ -126,23 +127,19 @@ class Contest:
             given.extend(scored[0].columns)
         return named, ranking
 
-    def _beside(self, given: Sequence[int]) -> _Beside:
-        return _Beside(self.evidence, given)
+    def beside(self, given: Sequence[int]) -> AbstractContextManager[Evidence]:
+        """The evidence with more columns among the nuisance, for the time of a `with`."""
+        return self.instead([*self.evidence.nuisance, *given])
 
-
-class _Beside:
-    """The evidence with more columns among the nuisance, for the time of a `with`."""
-
-    def __init__(self, evidence: Evidence, given: Sequence[int]) -> None:
-        self.evidence, self.given = evidence, list(given)
-
-    def __enter__(self) -> Evidence:
-        self._before = self.evidence.nuisance
-        self.evidence.nuisance = [*self._before, *self.given]
-        return self.evidence
-
-    def __exit__(self, *_: object) -> None:
-        self.evidence.nuisance = self._before
+    @contextmanager
+    def instead(self, nuisance: Sequence[int]) -> Iterator[Evidence]:
+        """The evidence with other nuisance columns, for the time of a `with`."""
+        before = self.evidence.nuisance
+        self.evidence.nuisance = list(nuisance)
+        try:
+            yield self.evidence
+        finally:
+            self.evidence.nuisance = before
 
 
 def stretch(evidence: Evidence, column: int, least: int = 2) -> tuple[int, int, float, float]:

@@ -18,7 +18,10 @@ from numba import njit
 
 from chatter_monitor.kernels.forces import call_force
 
-SUBSTEPS = 4  # of a force and of a term's memory between two samples
+SUBSTEPS = 4  # of a force that jumps, and of a term's memory, between two samples
+SMOOTH = 2  # of a force that does not jump: Gauss points
+_GAUSS = 0.5 / np.sqrt(3.0)
+_FEW = 64
 
 
 class Observer(NamedTuple):
@@ -43,6 +46,7 @@ class Forces(NamedTuple):
 
     forces: np.ndarray  # (t,)
     rates: np.ndarray  # (t,)
+    substeps: np.ndarray  # (t,) SUBSTEPS or SMOOTH
     columns: np.ndarray  # (t,) first parameter of each
     parameters: np.ndarray  # (p,)
 
@@ -67,8 +71,10 @@ def delayed(x, now, delay):
 
 
 @njit(cache=True, nogil=True)
-def over_step(address, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0, z1, parameters, spread, step_s):
-    """Force over one step as a straight line, its values at both ends; and its mean around the end.
+def over_step(
+    address, substeps, felt, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0, z1, parameters, spread, step_s
+):
+    """Force over one step as a straight line, its values at both ends; and its mean around the end, if it is felt.
 
     Between the samples the tool moves along a cubic; the line has the mean and the first moment of the force on
     it, so that a jump within the step (friction, contact) counts when it happens. A sensor that feels the force has a
@@ -78,8 +84,11 @@ def over_step(address, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0,
     mean = 0.0
     slope = 0.0
     around = 0.0
-    for i in range(SUBSTEPS):
-        s = (i + 0.5) / SUBSTEPS
+    square = 0.0
+    for i in range(substeps):
+        s = (i + 0.5) / substeps
+        if substeps == SMOOTH:
+            s = 0.5 + (2 * i - 1) * _GAUSS
         r = 1.0 - s
         x = r * r * (1.0 + 2.0 * s) * x0 + s * s * (1.0 + 2.0 * r) * x1 + step_s * s * r * (r * v0 - s * v1)
         v = 6.0 * s * r * (x1 - x0) / step_s + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
@@ -91,18 +100,19 @@ def over_step(address, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0,
         force += 0.5 * call_force(address, x - dx, v - dv, lagged, turned, omega, z, parameters)
         mean += force
         slope += force * (s - 0.5)
+        square += (s - 0.5) ** 2
         if s > 0.5:
             around += force
-    for i in range(SUBSTEPS // 2):
-        s = (i + 0.5) / SUBSTEPS * step_s
+    for i in range(substeps // 2 if felt else 0):
+        s = (i + 0.5) / substeps * step_s
         x, v = x1 + s * v1, v1 - s * omega * omega * x1
         dx, dv = 1.4142135623730951 * spread[0, i % 2], 1.4142135623730951 * spread[1, i % 2]
         turned = angle + turn + turn * s / step_s
         around += 0.5 * call_force(address, x + dx, v + dv, lagged1, turned, omega, z1, parameters)
         around += 0.5 * call_force(address, x - dx, v - dv, lagged1, turned, omega, z1, parameters)
-    mean /= SUBSTEPS
-    around /= SUBSTEPS
-    slope *= 12.0 * SUBSTEPS / (SUBSTEPS * SUBSTEPS - 1.0)
+    mean /= substeps
+    around /= substeps
+    slope /= square
     return mean - 0.5 * slope, mean + 0.5 * slope, around
 
 
@@ -124,7 +134,7 @@ def remembered(rate_address, x0, v0, x1, v1, lagged, angle, omega, z, parameters
 
 
 @njit(cache=True, nogil=True)
-def observe(observer, known, y, missing, errors, motion):
+def observe(observer, known, y, missing, settled, errors, motion):
     """Predict every sample from those before it.
 
     Parameters
@@ -136,6 +146,9 @@ def observe(observer, known, y, missing, errors, motion):
         The recording.
     missing : ndarray of bool, shape (n,)
         Samples that are not to be used; their errors are 0.
+    settled : ndarray of bool, shape (n,)
+        Samples at which the filter has forgotten where it began; what it takes for the motion before is no reason for a
+        force (a start at rest lets a filter of accelerations swing far out, and a hard spring would throw it farther).
     errors : ndarray of float64, shape (n,)
         Filled with the prediction errors (innovations).
     motion : Motion
@@ -172,7 +185,9 @@ def observe(observer, known, y, missing, errors, motion):
         lagged_next = delayed(motion.x[0], k + 1, observer.delay)
         early = late
         around = 0.0
-        for attempt in range(2 if count else 0):
+        if not settled[k]:
+            late = 0.0
+        for attempt in range(2 if count and settled[k] else 0):
             xp = vp = 0.0
             for i in range(order):
                 reached = ahead[i] + observer.begin[i] * early + observer.end[i] * late
@@ -188,8 +203,8 @@ def observe(observer, known, y, missing, errors, motion):
                 if known.rates[j] != 0:
                     z = remembered(known.rates[j], x, v, xp, vp, lagged_next, angle, observer.omega, z, p, step)
                 begin, end, here = over_step(
-                    known.forces[j], x, v, xp, vp, lagged, lagged_next, angle, turn, observer.omega, memory[j], z, p,
-                    observer.spread, step,
+                    known.forces[j], known.substeps[j], observer.feed != 0.0, x, v, xp, vp, lagged, lagged_next,
+                    angle, turn, observer.omega, memory[j], z, p, observer.spread, step,
                 )  # fmt: skip
                 early += begin
                 late += end
@@ -208,15 +223,19 @@ def observe(observer, known, y, missing, errors, motion):
 
 
 @njit(cache=True, nogil=True)
-def force_along(observer, motion, address, rate_address, parameters, force):
+def force_along(observer, motion, settled, address, rate_address, substeps, parameters, force):
     """Evaluate one term along the motion.
 
     Parameters
     ----------
     observer : Observer
     motion : Motion
+    settled : ndarray of bool, shape (n,)
+        As for `observe`.
     address, rate_address : int
         Of the compiled term and of the rate of its memory (0 for none).
+    substeps : int
+        SUBSTEPS or SMOOTH.
     parameters : ndarray of float64, shape (p,)
     force : ndarray of float64, shape (3, n)
         Filled with the force over the step from sample k as a straight line, at its beginning and its end, and with its
@@ -227,6 +246,10 @@ def force_along(observer, motion, address, rate_address, parameters, force):
     omega, step = observer.omega, observer.step_s
     turn, spread = observer.turn, observer.spread
     for k in range(force.shape[1]):
+        if not settled[k]:
+            force[:, k] = 0.0
+            z = 0.0
+            continue
         angle = turn * k
         x, v, lagged = motion.x[0, k], motion.v[0, k], motion.lagged[0, k]
         xp, vp, lp = motion.x[1, k], motion.v[1, k], motion.lagged[1, k]
@@ -234,44 +257,70 @@ def force_along(observer, motion, address, rate_address, parameters, force):
         if rate_address != 0:
             ahead = remembered(rate_address, x, v, xp, vp, lp, angle, omega, z, p, step)
         force[0, k], force[1, k], force[2, k] = over_step(
-            address, x, v, xp, vp, lagged, lp, angle, turn, omega, z, ahead, p, spread, step
-        )
+            address, substeps, observer.feed != 0.0, x, v, xp, vp, lagged, lp, angle, turn, omega, z, ahead, p,
+            spread, step,
+        )  # fmt: skip
         if rate_address != 0 and k + 1 < force.shape[1]:
             xn, vn, ln = motion.x[0, k + 1], motion.v[0, k + 1], motion.lagged[0, k + 1]
             z = remembered(rate_address, x, v, xn, vn, ln, angle, omega, z, p, step)
 
 
 @njit(cache=True, nogil=True)
-def signature(observer, force, missing, out):
-    """Signature of a force.
+def signatures(observer, force, missing, taps, out):
+    """Signatures of several forces at once, side by side, passed through a filter of finite length.
 
     Parameters
     ----------
     observer : Observer
-    force : ndarray of float64, shape (3, n)
-        As `force_along` fills it.
+    force : ndarray of float64, shape (m, 2 or 3, n)
+        Each as `force_along` fills it; of two rows the second serves for the mean around sample k + 1, too.
     missing : ndarray of bool, shape (n,)
-    out : ndarray of float64, shape (n,)
-        Filled with what the force adds to the prediction errors.
+    taps : ndarray of float64, shape (t,)
+        The filter.
+    out : ndarray of float64, shape (m, n)
+        Filled with what each force adds to the filtered prediction errors.
     """
     order = observer.gain.size
-    d = np.zeros(order)
-    ahead = np.zeros(order)
-    felt = 0.0
-    for k in range(out.size):
-        s = observer.feed * felt
-        for i in range(order):
-            s += observer.output[i] * d[i]
-        if missing[k]:
-            s = 0.0
-        out[k] = s
-        for i in range(order):
-            d[i] -= observer.gain[i] * s
-        for i in range(order):
-            total = observer.begin[i] * force[0, k] + observer.end[i] * force[1, k]
-            for j in range(order):
-                total += observer.transition[i, j] * d[j]
-            ahead[i] = total
-        felt = force[2, k]
-        for i in range(order):
-            d[i] = ahead[i]
+    m, rows, n = force.shape
+    d = np.zeros((order, m))
+    ahead = np.zeros((order, m))
+    recent = np.zeros((taps.size, m))
+    felt = np.zeros(m)
+    # Columns side by side, a few samples at a time: rows of a whole recording fall on each other in the cache.
+    beside = np.zeros((_FEW, rows, m))
+    answer = np.zeros((_FEW, m))
+    for first in range(0, n, _FEW):
+        few = min(_FEW, n - first)
+        for c in range(m):
+            for row in range(rows):
+                for k in range(few):
+                    beside[k, row, c] = force[c, row, first + k]
+        for k in range(few):
+            s = recent[(first + k) % taps.size]
+            for c in range(m):
+                s[c] = observer.feed * felt[c]
+            for i in range(order):
+                for c in range(m):
+                    s[c] += observer.output[i] * d[i, c]
+            if missing[first + k]:
+                s[:] = 0.0
+            begin, end = beside[k, 0], beside[k, 1]
+            for i in range(order):
+                for c in range(m):
+                    d[i, c] -= observer.gain[i] * s[c]
+                    ahead[i, c] = observer.begin[i] * begin[c] + observer.end[i] * end[c]
+            for i in range(order):
+                for j in range(order):
+                    for c in range(m):
+                        ahead[i, c] += observer.transition[i, j] * d[j, c]
+            d, ahead = ahead, d
+            felt[:] = beside[k, rows - 1]
+            y = answer[k]
+            y[:] = 0.0
+            for lag in range(taps.size):
+                before = recent[(first + k - lag) % taps.size]
+                for c in range(m):
+                    y[c] += taps[lag] * before[c]
+        for c in range(m):
+            for k in range(few):
+                out[c, first + k] = answer[k, c]

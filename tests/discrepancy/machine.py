@@ -15,7 +15,7 @@ from scipy import signal
 OVERSAMPLING = 16
 EFFECTS = (
     "none", "hardening", "softening", "quadratic", "clearance", "coulomb", "stribeck", "hysteresis", "v|v|", "x2v",
-    "cutting", "delay", "notch", "root", "mathieu",
+    "cutting", "delay", "notch", "root", "mathieu", "memory",
 )  # fmt: skip
 
 
@@ -65,11 +65,15 @@ def _force(effect, c, x, v, lagged, z, w, t):
         return c * np.sign(v) * np.sqrt(abs(v))
     if effect == 14:  # mathieu
         return c * w * w * x * np.cos(0.37 * w * t)
+    if effect == 15:  # memory
+        return c * w * w * x * z
     raise ValueError
 
 
 @njit(cache=True)
-def _rate(v, z):
+def _rate(effect, x, v, z, w):
+    if effect == 15:  # the energy of the last tenth of a second
+        return (0.5 * (x * x + (v / w) ** 2) - z) / 0.1
     return v - 0.5 * (abs(v) * z + v * abs(z)) / 0.7
 
 
@@ -94,9 +98,9 @@ def _run(effect, c, w, zeta, kick, pushes, dt, lag, begin, end):
         half = kick * pushes[k]
         acc[k] = half / dt - f - 2.0 * zeta * w * v - w * w * x
         v += 0.5 * (half - f * dt)
-        r = _rate(v, z)
+        r = _rate(effect, x, v, z, w)
         x, v = a11 * x + a12 * v, a21 * x + a22 * v
-        z += dt * 0.5 * (r + _rate(v, z + dt * r))
+        z += dt * 0.5 * (r + _rate(effect, x, v, z + dt * r, w))
         lagged = xs[k + 1 - lag] if k + 1 >= lag > 0 else 0.0
         v += 0.5 * half
         for _ in range(2):  # the force at the end of the step, implicitly
@@ -145,7 +149,7 @@ def _along(effect, x, v, w, dt, lag):
     for k in range(x.size):
         lagged = x[k - lag] if k >= lag else 0.0
         force[k] = _force(effect, 1.0, x[k], v[k], lagged, z, w, k * dt)
-        z += dt * _rate(v[k], z)
+        z += dt * _rate(effect, x[k], v[k], z, w)
     return force
 
 

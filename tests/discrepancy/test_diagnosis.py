@@ -85,6 +85,21 @@ def test_what_no_term_explains_stays_unknown():
     assert swing == pytest.approx(0.37 * 220.0, abs=0.2)
 
 
+def test_a_stiffness_that_remembers_is_no_spring_of_the_catalogue():
+    """A stiffness that follows the energy of the last tenth of a second looks like a cubic spring, and is none."""
+    report = diagnosed(Machine("memory", 0.06, **SHORT), 110).report
+    assert report.verdict == "unknown", report.summary
+
+
+def test_an_effect_in_a_part_of_the_recording_is_located_there():
+    """A clearance that opens for 3 of 10 s is named, found where it is, and is no second mode."""
+    begin, end = 4.3, 7.3
+    report = diagnosed(Machine("clearance", 0.06, between_s=(begin, end), **SHORT), 111).report
+    assert [term.name for term in report.terms] == ["clearance"], report.summary
+    [(first, last)] = report.located.time_s
+    assert min(last, end) - max(first, begin) > 0.8 * (max(last, end) - min(first, begin))
+
+
 def test_hum_is_the_sensors():
     """A tone at the mains frequency is named as hum, and not as mechanics."""
     machine = Machine(**SHORT)

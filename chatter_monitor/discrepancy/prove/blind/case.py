@@ -96,11 +96,7 @@ def make_case(effect: Effect, seed: int, number: int) -> Case:
         Of the draw, and of the case in it, from 1; the same give the same case.
     """
     rng = np.random.default_rng([seed, number])
-    machine = _machine(effect, rng)
-    chain = _chain(effect, machine, rng)
-    seconds = SHORT_S if effect.family != "part" and rng.random() < SHORT_SHARE else LONG_S
-    wanted = min(effect.most, math.exp(rng.uniform(*np.log(STRENGTH))))
-    hidden, motion = _hide(effect, machine, wanted, seconds, rng, [seed, number, 1])
+    machine, chain, seconds, wanted, (hidden, motion) = _bearable(effect, rng, [seed, number, 1])
     samples, noise_rms = chain.record(motion, rng)
     spindle = _spindle(effect, hidden, rng)
     base = _base_mode(effect, machine, seconds, rng)
@@ -142,6 +138,21 @@ def make_case(effect: Effect, seed: int, number: int) -> Case:
         },
     }
     return Case(samples, integers, _model_text(chain, noise_rms, base, spindle), truth)
+
+
+def _bearable(
+    effect: Effect, rng: np.random.Generator, seed: list[int]
+) -> tuple[Machine, Chain, float, float, tuple[Hidden, Motion]]:
+    """Machine, sensor, length, strength and motion; another machine where the first does not bear the effect at all."""
+    while True:
+        machine = _machine(effect, rng)
+        chain = _chain(effect, machine, rng)
+        seconds = SHORT_S if effect.family != "part" and rng.random() < SHORT_SHARE else LONG_S
+        wanted = min(effect.most, math.exp(rng.uniform(*np.log(STRENGTH))))
+        try:
+            return machine, chain, seconds, wanted, _hide(effect, machine, wanted, seconds, rng, seed)
+        except Escaped:
+            continue
 
 
 def _machine(effect: Effect, rng: np.random.Generator) -> Machine:
