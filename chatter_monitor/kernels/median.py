@@ -1,5 +1,7 @@
 """Median by selection: half of the values need not be sorted to find the one in their middle."""
 
+import math
+
 from numba import njit
 
 from chatter_monitor.kernels.options import OPTIONS
@@ -28,3 +30,36 @@ def median(values):
         if middle < i:
             right = j
     return values[middle]
+
+
+@njit(**OPTIONS)
+def medians_where(columns, status, wanted, values, medians, counts):
+    """Median of columns over the rows with a wanted status, and how often there is each status.
+
+    Parameters
+    ----------
+    columns : tuple of ndarray of float32, shape (n, modes)
+        The values; those that are NaN do not count.
+    status : ndarray of uint8, shape (n, modes)
+        Of each value.
+    wanted : int
+        Rows with another status are left out.
+    values : ndarray of float32, shape (n,)
+        Work space.
+    medians : ndarray of float64, shape (modes, columns)
+        The result; NaN where no more than half of the rows have the wanted status.
+    counts : ndarray of int64, shape (modes, kinds of status)
+        The result.
+    """
+    rows, modes = status.shape
+    for m in range(modes):
+        counts[m, :] = 0
+        for t in range(rows):
+            counts[m, status[t, m]] += 1
+        for i in range(len(columns)):
+            found = 0
+            for t in range(rows):
+                if status[t, m] == wanted and not math.isnan(columns[i][t, m]):
+                    values[found] = columns[i][t, m]
+                    found += 1
+            medians[m, i] = median(values[:found]) if 2 * counts[m, wanted] > rows and found > 0 else math.nan

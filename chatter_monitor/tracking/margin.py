@@ -209,7 +209,10 @@ class MarginTracker:
         margins = []
         while len(samples):
             size = min(len(samples), self._frame - self._samples % self._frame)
-            self._renewed |= self._periodogram.take(samples[:size])
+            if rotation_hz is None:  # the average begins with the first speed that is known
+                self._periodogram.skip(size)
+            else:
+                self._renewed |= self._periodogram.take(samples[:size])
             samples = samples[size:]
             self._samples += size
             due = self._samples % (FRAMES_PER_FIT * self._frame) == 0

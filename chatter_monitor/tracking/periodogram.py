@@ -72,6 +72,10 @@ class AveragedPeriodogram:
         self.restart()
         self._since_missing = 0
 
+    def skip(self, samples: int) -> None:
+        """Let samples pass unheard after an interruption; the grid of the windows goes on."""
+        self._filled = (self._filled + samples) % self._hop
+
     def take(self, samples: Array) -> bool:
         """Take the samples up to the next hop, at most; tell whether a window was added to the average.
 
@@ -117,7 +121,10 @@ class AveragedPeriodogram:
 
     def _add(self) -> bool:
         """Add the window that ends now; nothing is added in silence."""
-        power = np.abs(fft.rfft(self._window * self._recent)) ** 2
+        if not self._recent.any():
+            return False
+        transform = fft.rfft(self._window * self._recent)
+        power: Array = transform.real**2 + transform.imag**2
         power[: self._lowest_bin] = 0.0
         level = float(power.sum())
         if not 0.0 < level < math.inf:

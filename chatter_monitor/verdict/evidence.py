@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_monitor.kernels.median import medians_where
 from chatter_monitor.records import Flag, ModeStatus, OdpFrame
 from chatter_monitor.tracking.channel import Observation
 from chatter_monitor.tracking.margin import Margin
@@ -28,7 +29,7 @@ LINE_WIDTH_HZ = 25.0
 ORDER_TOLERANCE_HZ = 6.0
 NOMINAL_TOLERANCE = 0.035
 
-# Plain numbers, because looking members up costs more than comparing a frame with them.
+# Plain numbers, as kernels take them.
 OSCILLATORY, HELD, STARTING = int(ModeStatus.OSCILLATORY), int(ModeStatus.HELD), int(ModeStatus.STARTING)
 
 
@@ -100,33 +101,32 @@ class Evidence:
     flags: Flag
 
 
-def modes_evidence(frame: OdpFrame) -> list[ModeEvidence | None]:
-    """Summary of each mode slot; None where it had no frequency for half of the interval or longer."""
-    columns = np.array([frame.frequency_hz, frame.damping_ratio, frame.damping_sd])
-    good = frame.status == OSCILLATORY
-    if good.all():
-        medians = _middle(columns).T.tolist()
-    else:
-        medians = [
-            _middle(columns[:, good[:, mode], mode]).tolist() if 2 * good[:, mode].sum() > len(frame) else None
-            for mode in range(good.shape[1])
-        ]
-    return [
-        None if values is None else ModeEvidence(values[0], values[1], values[2], share)
-        for values, share in zip(medians, frame.share.tolist(), strict=True)
+def modes_evidence(frame: OdpFrame) -> tuple[list[ModeEvidence | None], NDArray[np.int64]]:
+    """Summarise each mode slot.
+
+    Returns
+    -------
+    list of ModeEvidence or None
+        None where it had no frequency for half of the interval or longer.
+    ndarray of int64, shape (slots, statuses)
+        How many of its samples have each `ModeStatus`.
+    """
+    columns = (frame.frequency_hz, frame.damping_ratio, frame.damping_sd)
+    samples, slots = frame.status.shape
+    medians, counts = np.empty((slots, len(columns))), np.empty((slots, len(ModeStatus)), np.int64)
+    medians_where(columns, frame.status, OSCILLATORY, np.empty(samples, np.float32), medians, counts)
+    modes = [
+        None if math.isnan(frequency_hz) else ModeEvidence(frequency_hz, damping_ratio, damping_sd, share)
+        for (frequency_hz, damping_ratio, damping_sd), share in zip(medians.tolist(), frame.share.tolist(), strict=True)
     ]
-
-
-def _middle(columns: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Median along the second axis, the upper one of two."""
-    middle = columns.shape[1] // 2
-    return np.partition(columns, middle, axis=1)[:, middle]
+    return modes, counts
 
 
 def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
     """Reduce an interval to evidence."""
     frame, orders = observation.odp, observation.orders
-    modes = [mode for mode in modes_evidence(frame) if mode is not None]
+    slots, statuses = modes_evidence(frame)
+    modes = [mode for mode in slots if mode is not None]
     significant = [mode for mode in modes if mode.share >= SIGNIFICANT_SHARE]
     vibrations = tuple(
         Vibration(line, _mode_at(line, modes), is_on_order(line.frequency_hz, orders, spindle.teeth))
@@ -138,8 +138,8 @@ def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
         vibrations=vibrations,
         orders=orders,
         margin=observation.margin,
-        held=bool((frame.status == HELD).all()),
-        starting=bool((frame.status == STARTING).any()),
+        held=bool((statuses[:, HELD] == len(frame)).all()),
+        starting=bool(statuses[:, STARTING].any()),
         rms=frame.rms / math.sqrt(max(1.0 - orders.synchronous_share, 1e-6)),
         flags=frame.flags,
     )
