@@ -24,6 +24,7 @@ check: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks.tracker_speed
+	$(BIN)/python -m benchmarks.chain
 	$(BIN)/python -m benchmarks.tracker_accuracy
 	$(BIN)/python -m benchmarks.orders
 	$(BIN)/python -m benchmarks.simulator

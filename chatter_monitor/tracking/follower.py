@@ -91,9 +91,10 @@ class CombFollower:
         if self.harmonics is not None:
             self.harmonics.learn()
             self._check(self.harmonics)
-        present = np.abs(samples) < np.inf
-        self._past[self._frames % len(self._past)] = np.where(present, samples, 0.0)
-        self._heard = min(self._heard + 1, len(self._past)) if present.all() else 0
+        present = np.isfinite(samples)
+        heard = bool(present.all())
+        self._past[self._frames % len(self._past)] = samples if heard else np.where(present, samples, 0.0)
+        self._heard = min(self._heard + 1, len(self._past)) if heard else 0
         self._rest -= 1
         # a range that is narrow needs less to be sure
         needed = len(self._past) if self._target.teeth is None else len(self._past) // 2

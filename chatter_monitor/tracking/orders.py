@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_monitor.kernels.orders import share_taken
 from chatter_monitor.tracking.comb import Target
 from chatter_monitor.tracking.follower import CombFollower
 from chatter_monitor.tracking.harmonics import Harmonics
@@ -203,7 +204,7 @@ class OrderTracker:
     def _frame(self) -> Orders:
         """Describe the frame that has come in so far."""
         first_sample = self._next_sample - self._filled
-        share = self._share_taken()
+        share = share_taken(self._signals[0, : self._filled], self._signals[-1, : self._filled])
         combs = [(follower.harmonics, _lines(follower.harmonics)) for follower in self._followers]
         rpm = self._spindle.speed_rpm
         if rpm is None:  # nobody knows which is the spindle's
@@ -219,22 +220,6 @@ class OrderTracker:
             hertz = rpm / 60.0
             return Orders(first_sample, hertz, NOMINAL_SD * hertz, "given", share, (), other_hz, other_lines)
         return Orders(first_sample, None, None, None, share, (), other_hz, other_lines)
-
-    def _share_taken(self) -> float:
-        """Share of the frame's power that was taken out."""
-        before, after = self._signals[[0, -1], : self._filled]
-        present = np.abs(before) < np.inf
-        if not present.all():
-            before, after = before[present], after[present]
-        power = _variance(before)
-        return max(0.0, 1.0 - _variance(after) / power) if power > 0.0 else 0.0
-
-
-def _variance(samples: NDArray[np.float64]) -> float:
-    if not len(samples):
-        return 0.0
-    centred = samples - samples.mean()
-    return float(centred @ centred) / len(samples)
 
 
 def _lines(harmonics: Harmonics | None) -> tuple[OrderLine, ...]:

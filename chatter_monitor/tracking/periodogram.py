@@ -123,8 +123,7 @@ class AveragedPeriodogram:
         """Add the window that ends now; nothing is added in silence."""
         if not self._recent.any():
             return False
-        transform = fft.rfft(self._window * self._recent)
-        power: Array = transform.real**2 + transform.imag**2
+        power = np.abs(fft.rfft(self._window * self._recent)) ** 2
         power[: self._lowest_bin] = 0.0
         level = float(power.sum())
         if not 0.0 < level < math.inf:
