@@ -396,6 +396,45 @@ def export_event(name: str, out: Path, directory: Path | None, configs: tuple[Pa
     click.echo(f"{copied}: exported.")
 
 
+@events.command("report")
+@click.argument("name", metavar="ID")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="HTML file to write.")
+@EVENTS_DIRECTORY
+@CONFIG
+@JSON
+@DEBUG
+def report_on_event(name: str, out: Path, directory: Path | None, configs: tuple[Path, ...], as_json: bool) -> None:
+    """Write a page on an event: what happened, when, how sure, what to change."""
+    from chatter_monitor.service.reporting import report_event
+
+    report_event(_event_store(directory, configs).find(name), out)
+    if as_json:
+        _print_json({"report": str(out)})
+    else:
+        click.echo(f"wrote {out}")
+
+
+@events.command("shift")
+@click.argument("source", metavar="[JSONL|DIR]", type=click.Path(path_type=Path), required=False)
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="HTML file to write.")
+@CONFIG
+@JSON
+@DEBUG
+def report_on_shift(source: Path | None, out: Path, configs: tuple[Path, ...], as_json: bool) -> None:
+    """Write a page on a shift: cutting time, forced, chatter, events, damping over the day.
+
+    From the JSON lines of `replay --jsonl`, or with less to tell from a directory of recorded events, by default
+    [recorder] directory.
+    """
+    from chatter_monitor.service.reporting import report_shift
+
+    shift = report_shift(source or _event_store(None, configs).directory, out)
+    if as_json:
+        _print_json({"report": str(out), "events": len(shift.events), "seconds_in": shift.seconds})
+    else:
+        click.echo(f"wrote {out}")
+
+
 @events.command("purge")
 @click.option("--older-than", "days", type=click.FloatRange(min=0), metavar="DAYS", help="Those recorded before that.")
 @click.option("--all", "everything", is_flag=True, help="All of them.")

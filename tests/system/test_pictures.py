@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from chatter_monitor.config import load
-from chatter_monitor.outlets.dashboard.look import VERMILLION
 from chatter_monitor.outlets.dashboard.place import Place
+from chatter_monitor.outlets.look import VERMILLION
 from chatter_monitor.service.showing import show_diagnosis, show_recording
 from docs.pictures.viewer import LAVAPIPE, viewer
 from tests.discrepancy.test_report import REPORT

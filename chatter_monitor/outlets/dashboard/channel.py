@@ -7,10 +7,10 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from chatter_monitor.outlets.dashboard import words
-from chatter_monitor.outlets.dashboard.look import GREY, SKY_BLUE, STATES, VERMILLION, WHITE, mode_colour
 from chatter_monitor.outlets.dashboard.pole_plane import Pole, PolePlane
 from chatter_monitor.outlets.dashboard.spectrogram import Spectrogram
 from chatter_monitor.outlets.dashboard.stream import Stream
+from chatter_monitor.outlets.look import GREY, SKY_BLUE, STATES, VERMILLION, WHITE, mode_colour
 from chatter_monitor.records import ModeStatus, OdpFrame, SignalFrame, State, Verdict
 
 # Intervals of 50 ms that are logged together: a call costs as much as a hundred numbers.

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
-from chatter_monitor.outlets.dashboard.look import VERMILLION, WHITE, Colour, mode_colour
 from chatter_monitor.outlets.dashboard.plane import axes, height
 from chatter_monitor.outlets.dashboard.stream import Stream
+from chatter_monitor.outlets.look import VERMILLION, WHITE, Colour, mode_colour
 
 LEFT_HZ, RIGHT_HZ = -150.0, 50.0
 HEIGHT = 140.0

@@ -7,8 +7,8 @@ import rerun as rr
 from chatter_monitor.outlets.dashboard import words
 from chatter_monitor.outlets.dashboard.blueprint import blueprint
 from chatter_monitor.outlets.dashboard.channel import ChannelViews
-from chatter_monitor.outlets.dashboard.look import ORANGE, SKY_BLUE, VERMILLION, WHITE
 from chatter_monitor.outlets.dashboard.stream import Stream
+from chatter_monitor.outlets.look import ORANGE, SKY_BLUE, VERMILLION, WHITE
 from chatter_monitor.records import Event, Health, OdpFrame, SignalFrame, Verdict
 
 LIVE_SPAN_S = 20.0

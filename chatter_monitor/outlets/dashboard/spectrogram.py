@@ -12,9 +12,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from chatter_monitor.outlets.dashboard.look import WHITE, mode_colour
 from chatter_monitor.outlets.dashboard.plane import HIGHEST_HZ, LOWEST_HZ, axes, height
 from chatter_monitor.outlets.dashboard.stream import Stream
+from chatter_monitor.outlets.look import WHITE, mode_colour
 
 ROWS_PER_OCTAVE = 24
 COLUMNS = 10  # in a tile

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from chatter_monitor.outlets.dashboard.look import STATES
+from chatter_monitor.outlets.look import STATES
 from chatter_monitor.records import Event, Health, Verdict
 
 MEANINGS = {

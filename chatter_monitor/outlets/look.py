@@ -1,4 +1,4 @@
-"""Colours and words of the dashboard: the palette of Okabe and Ito, which colour-blind eyes tell apart."""
+"""Colours and words of dashboard and reports: the palette of Okabe and Ito, which colour-blind eyes tell apart."""
 
 from __future__ import annotations
 

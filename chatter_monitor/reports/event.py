@@ -1,0 +1,210 @@
+"""The report of one event: what happened, when, how sure, a picture, what to change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.outlets.event_files import RecordedEvent
+from chatter_monitor.outlets.look import GREY, STATES
+from chatter_monitor.records import Verdict
+from chatter_monitor.reports.page import answer, facts, hex_colour, numbers, page, picture, table, text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SPECTRUM_S = 0.1
+RANGE_DB = 70.0
+DAMPING_SHOWN_PERCENT = (-2.0, 8.0)
+
+
+def event_page(
+    recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: NDArray[np.float64], rate_hz: float
+) -> str:
+    """HTML page of a recorded event.
+
+    Parameters
+    ----------
+    recorded : RecordedEvent
+        What is known of it.
+    verdicts : sequence of Verdict
+        Of its channel, from replaying the recording; times count from the recording's first sample.
+    samples : ndarray of float64, shape (n,)
+        Signal of its channel; NaN where samples are missing.
+    rate_hz : float
+        Rate of the samples.
+    """
+    before_s = recorded.onset_s - recorded.first_sample / recorded.sample_rate_hz
+    lasted_s = recorded.end_s - recorded.onset_s
+    alarms = [v for v in verdicts if v.state == "self_excited"]
+    sure = float(np.median([v.confidence for v in alarms])) if alarms else None
+    told = (
+        f"on {recorded.machine}, channel {recorded.channel}: for {lasted_s:.1f} s the cut fed a vibration at "
+        f"{recorded.peak_frequency_hz:.0f} Hz. {_remedy(recorded)}"
+    )
+    speed_rpm = recorded.settings.get("spindle", {}).get("speed_rpm")
+    named = [
+        ("began (UTC)", _clock(recorded.onset_utc)),
+        ("lasted", f"{lasted_s:.2f} s"),
+        ("frequency", f"{recorded.peak_frequency_hz:.0f} Hz"),
+        ("least damping", f"{100 * recorded.min_damping_ratio:.2f} %"),
+        ("sure", "-" if sure is None else f"{100 * sure:.0f} %"),
+        ("spindle", "unknown" if speed_rpm is None else f"{speed_rpm:.0f} rpm"),
+    ]
+    reasons = alarms[0].reasons if alarms else ["Replaying the recording alone does not repeat the alarm."]
+    parts = [
+        f"<h1>Chatter at {recorded.peak_frequency_hz:.0f} Hz</h1>",
+        f'<p class="soft">{text(recorded.machine)}, {text(recorded.onset_utc[:19].replace("T", " "))} UTC, '
+        f"{text(recorded.id)}</p>",
+        answer("Chatter", told, STATES["self_excited"][1]),
+        numbers(named),
+        picture(
+            _figure(verdicts, samples, rate_hz, before_s, recorded.peak_frequency_hz),
+            "Verdict, signal, spectrogram and damping ratio with its 95 % interval; the vertical line is the onset.",
+        ),
+        "<h2>What to change</h2>",
+        _changes(recorded),
+        "<h2>Why it is called chatter</h2>",
+        "<ul>" + "".join(f"<li>{text(reason)}</li>" for reason in reasons) + "</ul>",
+        "<h2>The recording</h2>",
+        _about(recorded),
+    ]
+    return page(f"Chatter at {recorded.peak_frequency_hz:.0f} Hz, {recorded.machine}", parts)
+
+
+def _remedy(recorded: RecordedEvent) -> str:
+    if recorded.advice:
+        return f"Try {recorded.advice[0].spindle_rpm:.0f} rpm."
+    return "No other speed promises more."
+
+
+def _clock(utc: str) -> str:
+    return datetime.fromisoformat(utc).strftime("%H:%M:%S")
+
+
+def _changes(recorded: RecordedEvent) -> str:
+    now_rpm = recorded.settings.get("spindle", {}).get("speed_rpm")
+    rows = [
+        (
+            f"{advice.spindle_rpm:.0f} rpm",
+            "-" if not now_rpm else f"{100 * (advice.spindle_rpm / now_rpm - 1.0):+.0f} %",
+            f"{advice.lobe}",
+        )
+        for advice in recorded.advice
+    ]
+    listed = table(("spindle speed", "against now", "whole waves between two teeth"), rows) if rows else ""
+    return f"{listed}<p>{text(recorded.remedy)}.</p>" if recorded.remedy else listed
+
+
+def _about(recorded: RecordedEvent) -> str:
+    remarks = []
+    if recorded.truncated:
+        remarks.append("The event went on after the recording ends.")
+    if recorded.missing_samples:
+        remarks.append(f"{recorded.missing_samples} samples were never received; they are left out, not made up.")
+    speed = recorded.settings.get("spindle", {})
+    rpm, teeth = speed.get("speed_rpm"), speed.get("teeth", 1)
+    turning = "unknown speed" if rpm is None else f"{rpm:g} rpm"
+    rows = [
+        ("file", recorded.recording or "-"),
+        ("first sample (UTC)", recorded.utc),
+        ("length", f"{recorded.samples / recorded.sample_rate_hz:.1f} s at {recorded.sample_rate_hz:.0f} Hz"),
+        (
+            "spindle",
+            f"{turning}, {teeth} {'tooth' if teeth == 1 else 'teeth'}",
+        ),
+        ("sensor", str(recorded.settings.get("input", {}).get("sensor", "-"))),
+    ]
+    return facts(rows) + "".join(f"<p>{text(remark)}</p>" for remark in remarks)
+
+
+def _figure(
+    verdicts: Sequence[Verdict], samples: NDArray[np.float64], rate_hz: float, onset_s: float, chatter_hz: float
+) -> Figure:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.6, 7.4), layout="constrained")
+    axes = figure.subplots(4, 1, sharex=True, height_ratios=[0.35, 1.6, 2.2, 2.2])
+    _draw_lane(axes[0], verdicts, -onset_s)
+    _draw_signal(axes[1], samples, rate_hz, onset_s)
+    _draw_spectrogram(axes[2], samples, rate_hz, onset_s, chatter_hz)
+    _draw_damping(axes[3], verdicts, onset_s)
+    for each in axes[1:]:
+        each.axvline(0.0, color=hex_colour(STATES["self_excited"][1]), lw=1.0)
+    axes[3].set(xlabel="time after the onset / s", xlim=(-onset_s, samples.size / rate_hz - onset_s))
+    return figure
+
+
+def _draw_lane(axes: Axes, verdicts: Sequence[Verdict], shift_s: float) -> None:
+    """The verdicts as a coloured lane with a legend of what occurs."""
+    from matplotlib.patches import Patch
+
+    begin = 0
+    for end in range(1, len(verdicts) + 1):
+        if end == len(verdicts) or verdicts[end].state != verdicts[begin].state:
+            span = (verdicts[begin].t0 + shift_s, verdicts[end - 1].t1 - verdicts[begin].t0)
+            axes.broken_barh([span], (0.0, 1.0), color=hex_colour(STATES[verdicts[begin].state][1]))
+            begin = end
+    occurring = [state for state in STATES if any(v.state == state for v in verdicts)]
+    patches = [Patch(color=hex_colour(STATES[state][1]), label=STATES[state][0]) for state in occurring]
+    axes.legend(
+        handles=patches,
+        ncols=len(patches),
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        frameon=False,
+        fontsize="x-small",
+    )
+    axes.set_yticks([])
+    axes.tick_params(bottom=False)
+    axes.spines[:].set_visible(False)
+
+
+def _draw_signal(axes: Axes, samples: NDArray[np.float64], rate_hz: float, onset_s: float) -> None:
+    part = max(1, samples.size // 2000)
+    whole = samples[: samples.size // part * part].reshape(-1, part)
+    t = (np.arange(len(whole)) + 0.5) * part / rate_hz - onset_s
+    axes.fill_between(t, whole.min(axis=1), whole.max(axis=1), color="#4a6fa5", lw=0.3)
+    axes.set(ylabel="signal / unit")
+
+
+def _draw_spectrogram(
+    axes: Axes, samples: NDArray[np.float64], rate_hz: float, onset_s: float, chatter_hz: float
+) -> None:
+    points = round(SPECTRUM_S * rate_hz)
+    hop = max(points // 2, samples.size // 800)
+    if samples.size < points:
+        return
+    pieces = np.lib.stride_tricks.sliding_window_view(np.nan_to_num(samples), points)[::hop]
+    window = np.hanning(points + 1)[:-1]
+    level = 20.0 * np.log10(np.abs(np.fft.rfft(pieces * window, axis=1)) * np.sqrt(2.0) / window.sum() + 1e-9)
+    top_hz = min(rate_hz / 2.0, max(2000.0, 3.0 * chatter_hz))
+    level = level[:, : int(top_hz * SPECTRUM_S) + 1].T
+    extent = (-onset_s, len(pieces) * hop / rate_hz - onset_s, 0.0, top_hz)
+    axes.imshow(
+        level,
+        origin="lower",
+        aspect="auto",
+        extent=extent,
+        cmap="cividis",
+        vmin=level.max() - RANGE_DB,
+        vmax=level.max(),
+    )
+    axes.set(ylabel="frequency / Hz", ylim=(0.0, top_hz))
+
+
+def _draw_damping(axes: Axes, verdicts: Sequence[Verdict], onset_s: float) -> None:
+    known = [v for v in verdicts if v.damping_ratio is not None and v.damping_ratio_ci95 is not None]
+    t = np.array([v.t0 - onset_s for v in known])
+    damping = 100.0 * np.array([v.damping_ratio for v in known], float)
+    ends = 100.0 * np.array([v.damping_ratio_ci95 for v in known], float).reshape(-1, 2)
+    axes.vlines(t, ends[:, 0], ends[:, 1], color=hex_colour(GREY), lw=0.7, alpha=0.6, label="95 %")
+    axes.plot(t, damping, ".", ms=3.0, color="#1d1d1d", label="damping ratio")
+    axes.axhline(0.0, color=hex_colour(STATES["self_excited"][1]), lw=1.2, label="stability limit")
+    axes.set(ylabel="damping ratio / %", ylim=DAMPING_SHOWN_PERCENT)
+    axes.legend(loc="upper right", ncols=3, frameon=False, fontsize="x-small")
