@@ -1,4 +1,4 @@
-"""Spectrum of one mode with a regenerative delay, and its likelihood.
+"""Spectrum of one mode with a regenerative delay, its likelihood, and where that is largest.
 
     x'' + 2 zeta w x' + w^2 x + kappa w^2 [x - x(t - tau)] = W
 
@@ -12,10 +12,12 @@ for displacement, velocity and acceleration and takes up the colour of the force
 
 import cmath
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from chatter_monitor.kernels.delay_roots import critical_coefficient
 from chatter_monitor.kernels.options import OPTIONS
 
 # Indices into the parameters
@@ -28,6 +30,10 @@ PARAMETERS = 7
 HANN_POWER = np.array([0.25, 0.18012655, 0.0625, 0.00720506])
 HANN_POWER /= HANN_POWER[0] + 2.0 * HANN_POWER[1:].sum()
 REACH = 3  # half bins
+
+FIRST_DAMPING = 1e-3
+CONVERGED = 0.02  # nats that a step promises: a fifth of a standard deviation, and the step is still taken
+LARGEST_STEP = (2.0, 2.0, 0.02, 0.5, 0.1, 0.01, 2.0)
 
 
 @njit(**OPTIONS)
@@ -116,3 +122,139 @@ def whittle(theta, first, bin_width, log_frequency, periodogram, used, window, w
         for j in range(i):
             information[j, i] = information[i, j]
     return total
+
+
+class Likelihood(NamedTuple):
+    """What the parameters are fitted to: arguments of `whittle` by their names, and what is believed beforehand.
+
+    Attributes
+    ----------
+    weight : float
+        By which the likelihood of the bins counts.
+    prior_mean, prior_precision : ndarray of float64, shape (7,)
+        Of an independent normal distribution.
+    """
+
+    first: float
+    bin_width: float
+    log_frequency: np.ndarray
+    periodogram: np.ndarray
+    used: np.ndarray
+    window: np.ndarray
+    work: np.ndarray
+    weight: float
+    prior_mean: np.ndarray
+    prior_precision: np.ndarray
+
+
+@njit(**OPTIONS)
+def posterior(theta, likelihood, score, information):
+    """Negative log-posterior, its negative gradient and its expected Hessian, as in `whittle`."""
+    value = likelihood.weight * whittle(
+        theta, likelihood.first, likelihood.bin_width, likelihood.log_frequency, likelihood.periodogram,
+        likelihood.used, likelihood.window, likelihood.work, score, information,
+    )  # fmt: skip
+    for i in range(PARAMETERS):
+        away = theta[i] - likelihood.prior_mean[i]
+        value += 0.5 * likelihood.prior_precision[i] * away * away
+        score[i] = likelihood.weight * score[i] - likelihood.prior_precision[i] * away
+        for j in range(PARAMETERS):
+            information[i, j] *= likelihood.weight
+        information[i, i] += likelihood.prior_precision[i]
+    return value
+
+
+@njit(**OPTIONS)
+def stabilise(theta):
+    """Mirror what lies beyond the limit.
+
+    A root as far to the right of the imaginary axis as it was to the left has the same spectrum. What is stationary has
+    none there; growth is for others to see.
+    """
+    critical = critical_coefficient(math.exp(theta[LOG_OMEGA]), math.exp(theta[LOG_ZETA]), math.exp(theta[LOG_TAU]))
+    if theta[KAPPA] > critical:
+        theta[KAPPA] = max(2.0 * critical - theta[KAPPA], 0.5 * critical)
+
+
+@njit(**OPTIONS)
+def climb(theta, likelihood, steps, space, information):
+    """Fisher scoring with Levenberg's damping; returns the negative log-posterior where it ends.
+
+    Parameters
+    ----------
+    theta : ndarray of float64, shape (7,)
+        Where to start; overwritten with where it ends.
+    likelihood : Likelihood
+        Its first row of ``work`` is left as by `whittle` for the result.
+    steps : int
+        At most.
+    space : ndarray of float64, shape (18, 7)
+        Work space.
+    information : ndarray of float64, shape (7, 7)
+        Filled with the expected Hessian at the result.
+    """
+    score, ahead, ahead_score, step = space[0], space[1], space[2], space[3]
+    ahead_information, damped = space[4:11], space[11:18]
+    value = posterior(theta, likelihood, score, information)
+    damping = FIRST_DAMPING
+    rejected = False
+    for _ in range(steps):
+        for i in range(PARAMETERS):
+            step[i] = score[i]
+            for j in range(PARAMETERS):
+                damped[i, j] = information[i, j]
+            damped[i, i] += damping * (information[i, i] + 1e-12)
+        if not solve(damped, step):  # a spectrum that is all line tells nothing of some parameter
+            break
+        longest = 1.0
+        for i in range(PARAMETERS):
+            longest = max(longest, abs(step[i]) / LARGEST_STEP[i])
+        promised = 0.0
+        for i in range(PARAMETERS):
+            step[i] /= longest
+            promised += score[i] * step[i]
+            ahead[i] = theta[i] + step[i]
+        stabilise(ahead)
+        trial = posterior(ahead, likelihood, ahead_score, ahead_information)
+        rejected = not trial < value
+        if rejected:
+            damping *= 8.0
+        else:
+            damping *= 0.2
+            value = trial
+            for i in range(PARAMETERS):
+                theta[i], score[i] = ahead[i], ahead_score[i]
+                for j in range(PARAMETERS):
+                    information[i, j] = ahead_information[i, j]
+        if promised < CONVERGED:
+            break
+    if rejected:  # the spectrum that is left behind shall be that of the result
+        posterior(theta, likelihood, ahead_score, ahead_information)
+    return value
+
+
+@njit(**OPTIONS)
+def solve(matrix, vector):
+    """Solve ``matrix x = vector`` in place of both (elimination, largest pivot first); False where it is singular."""
+    n = vector.shape[0]
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        if not abs(matrix[pivot, k]) > 0.0:
+            return False
+        if pivot != k:
+            vector[k], vector[pivot] = vector[pivot], vector[k]
+            for j in range(k, n):
+                matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+        for i in range(k + 1, n):
+            factor = matrix[i, k] / matrix[k, k]
+            vector[i] -= factor * vector[k]
+            for j in range(k + 1, n):
+                matrix[i, j] -= factor * matrix[k, j]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            vector[k] -= matrix[k, j] * vector[j]
+        vector[k] /= matrix[k, k]
+    return True

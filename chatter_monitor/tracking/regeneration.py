@@ -6,6 +6,7 @@ delay does to the poles is not taken for damping, nor the noise for a lack of re
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +24,9 @@ from chatter_monitor.kernels.regeneration import (
     PARAMETERS,
     REACH,
     SLOPE,
-    whittle,
+    Likelihood,
+    climb,
+    posterior,
 )
 from chatter_monitor.tracking.periodogram import LINE_BINS, exceeded_by_chance
 
@@ -40,8 +43,6 @@ _GROUPS, _LEAST_GROUP = 60, 8  # for the lack of fit
 _STEPS = 40
 _STEPS_OF_RACE = 6
 _DELAY_RANGE = 2.5  # standard deviations of the given delay that are searched
-_CONVERGED = 0.02  # nats that a step promises: a fifth of a standard deviation, and the step is still taken
-_LARGEST_STEP = np.array([2.0, 2.0, 0.02, 0.5, 0.1, 0.01, 2.0])
 
 
 class Band:
@@ -83,22 +84,26 @@ class Band:
         """Where the sensor's noise may be, to an order of magnitude."""
         return float(np.maximum(np.quantile(self.periodogram, 0.05), 1e-9 * self.periodogram.max()))
 
+    def likelihood(self, prior: Prior | None = None) -> Likelihood:
+        """What the kernels fit parameters to."""
+        nothing = np.zeros(PARAMETERS)
+        return Likelihood(
+            first=2.0 * math.pi * self.first_hz,
+            bin_width=2.0 * math.pi * self.bin_hz,
+            log_frequency=self._log_frequency,
+            periodogram=self.periodogram,
+            used=self.used,
+            window=HANN_POWER,
+            work=self._work,
+            weight=float(self.weight),
+            prior_mean=nothing if prior is None else prior.mean,
+            prior_precision=nothing if prior is None else prior.precision,
+        )
+
     def evaluate(self, theta: Array) -> tuple[float, Array, Array]:
         """Negative log-likelihood, its negative gradient and the Fisher information."""
         score, information = np.empty(PARAMETERS), np.empty((PARAMETERS, PARAMETERS))
-        value = whittle(
-            theta,
-            2.0 * np.pi * self.first_hz,
-            2.0 * np.pi * self.bin_hz,
-            self._log_frequency,
-            self.periodogram,
-            self.used,
-            HANN_POWER,
-            self._work,
-            score,
-            information,
-        )
-        return self.weight * value, self.weight * score, self.weight * information
+        return float(posterior(theta, self.likelihood(), score, information)), score, information
 
     def leave_out_outliers(self) -> None:
         """Leave out what stands out of the spectrum that was evaluated last: lines of other sources, narrow modes."""
@@ -170,37 +175,9 @@ class Fit:
 
 def fit(band: Band, prior: Prior, start: Array, steps: int = _STEPS) -> Fit:
     """Fisher scoring with Levenberg's damping from a start."""
-
-    def posterior(theta: Array) -> tuple[float, Array, Array]:
-        value, score, information = band.evaluate(theta)
-        away = theta - prior.mean
-        value += 0.5 * float(prior.precision @ away**2)
-        return value, score - prior.precision * away, information + np.diag(prior.precision)
-
-    theta = start.copy()
-    value, score, information = posterior(theta)
-    damping, rejected = 1e-3, False
-    for _ in range(steps):
-        scale = np.diag(np.diag(information) + 1e-12)
-        try:
-            step = np.linalg.solve(information + damping * scale, score)
-        except np.linalg.LinAlgError:  # a spectrum that is all line tells nothing of some parameter
-            break
-        step /= max(1.0, float(np.max(abs(step) / _LARGEST_STEP)))
-        promised = float(score @ step)
-        ahead = _stable(theta + step)
-        trial = posterior(ahead)
-        rejected = not trial[0] < value
-        if rejected:
-            damping *= 8.0
-        else:
-            theta, (value, score, information) = ahead, trial
-            damping *= 0.2
-        if promised < _CONVERGED:
-            break
-    if rejected:
-        band.evaluate(theta)  # the spectrum that is left behind shall be that of the result
-    return Fit(theta, _inverse(information), value)
+    theta, information = start.copy(), np.empty((PARAMETERS, PARAMETERS))
+    value = climb(theta, band.likelihood(prior), steps, np.empty((2 * PARAMETERS + 4, PARAMETERS)), information)
+    return Fit(theta, _inverse(information), float(value))
 
 
 def _inverse(information: Array) -> Array:
@@ -209,18 +186,6 @@ def _inverse(information: Array) -> Array:
         return np.asarray(np.linalg.inv(information), dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.full(information.shape, np.inf)
-
-
-def _stable(theta: Array) -> Array:
-    """Mirror what lies beyond the limit.
-
-    A root as far to the right of the imaginary axis as it was to the left has the same spectrum. What is stationary has
-    none there; growth is for others to see.
-    """
-    critical = critical_coefficient(*np.exp(theta[[LOG_OMEGA, LOG_ZETA, LOG_TAU]]))
-    if theta[KAPPA] > critical:
-        theta[KAPPA] = max(2.0 * critical - theta[KAPPA], 0.5 * critical)
-    return theta
 
 
 def search(band: Band, prior: Prior) -> Fit:
@@ -246,6 +211,7 @@ def search(band: Band, prior: Prior) -> Fit:
 def _starts(band: Band, delay_s: float) -> list[Array]:
     """Parameters from which one fit or another finds the way: with much and little regeneration, beside the peak."""
     result = []
+    mean, log_floor = band.periodogram.mean(), np.log(band.floor)
     for shift in (0.97, 1.0, 1.03):
         for zeta in (0.012, 0.035):
             for share in (0.1, 0.7):
@@ -256,8 +222,8 @@ def _starts(band: Band, delay_s: float) -> list[Array]:
                 theta[LOG_ZETA] = np.log(zeta)
                 theta[KAPPA] = share * min(critical_coefficient(omega, zeta, delay_s), 10.0 * zeta)
                 theta[LOG_TAU] = np.log(delay_s)
-                theta[LOG_FLOOR] = np.log(band.floor)
+                theta[LOG_FLOOR] = log_floor
                 band.evaluate(theta)  # for gain 1
-                theta[LOG_GAIN] = np.log(band.periodogram.mean() / band.model.mean())
+                theta[LOG_GAIN] = np.log(mean / band.model.mean())
                 result.append(theta)
     return result

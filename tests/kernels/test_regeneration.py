@@ -1,9 +1,23 @@
-"""Whittle's likelihood of the regenerative spectrum against a twin that can be checked by eye."""
+"""Whittle's likelihood of the regenerative spectrum against a twin that can be checked by eye, and its maximum."""
 
 import numpy as np
 import pytest
 
-from chatter_monitor.kernels.regeneration import HANN_POWER, PARAMETERS, REACH, whittle
+from chatter_monitor.kernels.delay_roots import critical_coefficient
+from chatter_monitor.kernels.regeneration import (
+    HANN_POWER,
+    KAPPA,
+    LOG_OMEGA,
+    LOG_TAU,
+    LOG_ZETA,
+    PARAMETERS,
+    REACH,
+    Likelihood,
+    climb,
+    solve,
+    stabilise,
+    whittle,
+)
 
 FIRST, WIDTH, CENTRE, BINS = 2 * np.pi * 600.0, 2 * np.pi * 0.4, 2 * np.pi * 950.0, 1500
 THETA = np.array([-3.0, 1.7, np.log(2 * np.pi * 990.0), np.log(0.03), 0.025, np.log(0.027), -5.0])
@@ -27,13 +41,15 @@ def windowed(theta):
     return sum(weight * spectrum(theta, omega + WIDTH * shift) for shift, weight in zip(fine, response, strict=True))
 
 
+HALF_BINS = 0.5 * np.arange(-REACH, 2 * BINS - 1 + REACH)
+LOG_FREQUENCY = np.log((FIRST + WIDTH * HALF_BINS) / CENTRE)
+
+
 def run(theta, periodogram, used=None):
-    half_bins = 0.5 * np.arange(-REACH, 2 * BINS - 1 + REACH)
-    log_frequency = np.log((FIRST + WIDTH * half_bins) / CENTRE)
-    work = np.zeros((PARAMETERS + 1, half_bins.size))
+    work = np.zeros((PARAMETERS + 1, HALF_BINS.size))
     score, information = np.empty(PARAMETERS), np.empty((PARAMETERS, PARAMETERS))
     used = np.ones(BINS, np.bool_) if used is None else used
-    value = whittle(theta, FIRST, WIDTH, log_frequency, periodogram, used, HANN_POWER, work, score, information)
+    value = whittle(theta, FIRST, WIDTH, LOG_FREQUENCY, periodogram, used, HANN_POWER, work, score, information)
     return value, score, information, work[0, :BINS].copy()
 
 
@@ -74,3 +90,45 @@ def test_the_information_is_the_hessian_where_the_model_is_true():
         step = 1e-6 * np.eye(PARAMETERS)[i]
         row = (run(THETA - step, truth)[1] - run(THETA + step, truth)[1]) / 2e-6
         np.testing.assert_allclose(row, information[i], rtol=1e-3, atol=1e-4 * np.abs(information[i]).max())
+
+
+def test_the_climb_ends_at_the_maximum():
+    """From a start 2 % off, the parameters are found from a periodogram that equals its mean, priors or not."""
+    truth = run(THETA, np.ones(BINS))[3]
+    for precision in (0.0, 1e-3):
+        prior = (THETA, np.full(PARAMETERS, precision))
+        likelihood = Likelihood(
+            FIRST, WIDTH, LOG_FREQUENCY, truth, np.ones(BINS, np.bool_), HANN_POWER,
+            np.zeros((PARAMETERS + 1, HALF_BINS.size)), 2.0, *prior,
+        )  # fmt: skip
+        theta, information = THETA * [1.02, 0.98, 1.0002, 1.02, 0.9, 1.0002, 1.02], np.empty((PARAMETERS, PARAMETERS))
+        value = climb(theta, likelihood, 40, np.empty((2 * PARAMETERS + 4, PARAMETERS)), information)
+        expected, _, expected_information, model = run(THETA, truth)
+        assert value == pytest.approx(2.0 * expected, abs=1e-3)
+        sd = np.sqrt(np.diag(np.linalg.inv(information)))
+        np.testing.assert_array_less(abs(theta - THETA), 0.2 * sd)
+        np.testing.assert_allclose(likelihood.work[0, :BINS], model, rtol=0.05)
+        assert information[KAPPA, KAPPA] == pytest.approx(2.0 * expected_information[KAPPA, KAPPA] + precision, rel=0.1)
+
+
+def test_what_is_beyond_the_limit_is_mirrored():
+    """A kappa above the critical one comes back by as much as it was beyond, to half of it at most; one below stays."""
+    critical = critical_coefficient(*np.exp(THETA[[LOG_OMEGA, LOG_ZETA, LOG_TAU]]))
+    for share, expected in ((0.9, 0.9), (1.2, 0.8), (5.0, 0.5)):
+        theta = THETA.copy()
+        theta[KAPPA] = share * critical
+        stabilise(theta)
+        assert theta[KAPPA] == pytest.approx(expected * critical)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_equations_are_solved(seed):
+    """Any system is solved as by LAPACK, one that needs its rows exchanged too; a singular one is refused."""
+    rng = np.random.default_rng(seed)
+    matrix, vector = rng.standard_normal((PARAMETERS, PARAMETERS)), rng.standard_normal(PARAMETERS)
+    matrix[0, 0] = 0.0
+    solution = vector.copy()
+    assert solve(matrix.copy(), solution)
+    np.testing.assert_allclose(solution, np.linalg.solve(matrix, vector), rtol=1e-9)
+    matrix[:, 3] = 0.0
+    assert not solve(matrix, vector)
