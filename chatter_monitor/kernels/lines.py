@@ -96,16 +96,20 @@ def new_state(points: int, hops: int, frames: int) -> LineState:
 def cut_out(samples, window, first, hop, largest, pieces, valid):
     """Windowed stretches of samples, each a row of ``pieces[:, points]``, ``hop`` samples apart.
 
-    A stretch with samples that are missing or beyond ``largest`` is not valid; it is left as zeros.
+    A stretch with samples that are missing or beyond ``largest`` is not valid; it is left as zeros. Returns whether
+    there is anything but zeros.
     """
+    heard = False
     for i in range(pieces.shape[0]):
         valid[i] = True
         for t in range(window.shape[0]):
             sample = samples[first + i * hop + t]
             valid[i] = valid[i] and abs(sample) < largest
             pieces[i, t] = sample * window[t]
+            heard = heard or sample != 0.0
         if not valid[i]:
             pieces[i, :] = 0.0
+    return heard
 
 
 @njit(**OPTIONS)

@@ -236,7 +236,7 @@ def survey(p, q, first, begin, state, frequencies, powers):
 
 
 @njit(**OPTIONS)
-def show(first, begin, chosen, state, out):
+def show(first, begin, chosen, columns, filled, out):
     """Fill a frame, which ends with the samples taken last, with chosen modes, a column each, and begin the next.
 
     Parameters
@@ -246,39 +246,37 @@ def show(first, begin, chosen, state, out):
     chosen : ndarray of int64, shape (slots, 2)
         Octave (counted from the first recursion) and mode to be shown in each slot; -1 for none. That reads as a pair
         of real poles: no frequency; held or starting as its neighbours.
-    state : Octaves
-        Changed in place.
+    columns, filled : Columns, ndarray
+        Of the octaves; changed in place.
     out : Columns, shape (samples, slots)
         The result.
     """
     for slot in range(chosen.shape[0]):
         k, m = chosen[slot, 0], chosen[slot, 1]
-        if k < 0:
-            for t in range(out.status.shape[0]):
-                status = state.columns.status[0, _row(begin + t, begin, first), 0]
+        for t in range(out.status.shape[0]):
+            if k < 0:
+                status = columns.status[0, _row(begin + t, begin, first), 0]
                 out.frequency[t, slot] = math.nan
                 out.damping[t, slot] = math.nan
                 out.frequency_sd[t, slot] = math.nan
                 out.damping_sd[t, slot] = math.nan
                 out.status[t, slot] = REAL_PAIR if status == OSCILLATORY else status
-        else:
-            columns = state.columns
-            for t in range(out.status.shape[0]):
+            else:
                 row = _row(begin + t, begin, first + k)
                 out.frequency[t, slot] = columns.frequency[k, row, m]
                 out.damping[t, slot] = columns.damping[k, row, m]
                 out.frequency_sd[t, slot] = columns.frequency_sd[k, row, m]
                 out.damping_sd[t, slot] = columns.damping_sd[k, row, m]
                 out.status[t, slot] = columns.status[k, row, m]
-    for k in range(state.filled.shape[0]):
-        last, columns = state.filled[k] - 1, state.columns
+    for k in range(filled.shape[0]):
+        last = filled[k] - 1
         for m in range(columns.status.shape[2]):
             columns.frequency[k, 0, m] = columns.frequency[k, last, m]
             columns.damping[k, 0, m] = columns.damping[k, last, m]
             columns.frequency_sd[k, 0, m] = columns.frequency_sd[k, last, m]
             columns.damping_sd[k, 0, m] = columns.damping_sd[k, last, m]
             columns.status[k, 0, m] = columns.status[k, last, m]
-        state.filled[k] = 1
+        filled[k] = 1
 
 
 @njit(**OPTIONS)

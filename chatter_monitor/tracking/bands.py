@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 Table = Sequence[Sequence[float]]
 
@@ -28,8 +28,7 @@ def homes(source_rate_hz: float, octaves: range) -> list[tuple[float, float]]:
     return list(zip([*edges, 0.0], tops, strict=True))
 
 
-@dataclass(frozen=True, slots=True)
-class Vibration:
+class Vibration(NamedTuple):
     """One mode of one band in a frame: a candidate for a slot."""
 
     band: int
@@ -72,12 +71,13 @@ class Slots:
         """
         chosen = self._distinct(self._candidates(frequencies_hz, powers))[: len(self._last)]
         slots: list[Vibration | None] = [None] * len(self._last)
-        pairs = sorted(
+        pairs = [
             (*self._rank(slot, known, new), slot, i)
             for slot, known in enumerate(self._last)
             if known is not None
             for i, new in enumerate(chosen)
-        )
+        ]
+        pairs.sort()
         placed: set[int] = set()
         for *_, slot, i in pairs:
             if slots[slot] is None and i not in placed:
@@ -106,10 +106,10 @@ class Slots:
         owned = {(known.band, known.mode) for known in self._last if known is not None}
         found = []
         for band, (low, high) in enumerate(self._homes_hz):
-            for mode, (middle, power) in enumerate(zip(frequencies_hz[band], powers[band], strict=True)):
+            for mode, middle in enumerate(frequencies_hz[band]):
                 spread = LOYALTY if (band, mode) in owned else 0.0
                 if low * (1.0 - spread) <= middle <= high * (1.0 + spread) and middle > 0.0:  # not where it is NaN
-                    found.append(Vibration(band, mode, middle, power))
+                    found.append(Vibration(band, mode, middle, powers[band][mode]))
         return found
 
     def _distinct(self, candidates: list[Vibration]) -> list[Vibration]:

@@ -89,6 +89,7 @@ class Spectrum:
         self._samples = np.full(len(self._window) + interval, np.nan)
         self._end = len(self._window)
         self._pieces = np.zeros((lines.FRAME_HOPS, points))
+        self._silence = np.zeros((lines.FRAME_HOPS, points // 2 + 1), complex)
         self._valid = np.zeros(lines.FRAME_HOPS, np.bool_)
         self._peaks = np.zeros(LINES, np.int64)
         self._measures = np.zeros((LINES, lines.MEASURES))
@@ -102,8 +103,9 @@ class Spectrum:
         hops = len(signal) // self._hop
         first = len(signal) - hops * self._hop + self._hop  # the last window ends with the frame
         pieces, valid = self._pieces[:hops], self._valid[:hops]
-        lines.cut_out(self._samples, self._window, first, self._hop, LARGEST_SAMPLE, pieces, valid)
-        transforms, start = np.fft.rfft(pieces), self._taken + first
+        heard = lines.cut_out(self._samples, self._window, first, self._hop, LARGEST_SAMPLE, pieces, valid)
+        transforms = np.fft.rfft(pieces) if heard else self._silence[:hops]
+        start = self._taken + first
         self._taken += len(signal)
         count = lines.follow(
             transforms, valid, start, self._hop, self._lowest, self._state, self._peaks, self._measures

@@ -193,5 +193,5 @@ class Tracker:
         vibrations = self._slots.assign(self._frequencies_hz.tolist(), self._powers.tolist())
         chosen = np.array([(-1, -1) if seen is None else (seen.band, seen.mode) for seen in vibrations])
         odps = kernel.new_columns(self._filled, len(vibrations))
-        kernel.show(self._first_octave, first_sample, chosen, octaves, odps)
+        kernel.show(self._first_octave, first_sample, chosen, octaves.columns, octaves.filled, odps)
         return odps, np.array([0.0 if seen is None else seen.power for seen in vibrations])

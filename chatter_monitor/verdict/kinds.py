@@ -13,6 +13,7 @@ that overlap in their history are no independent evidence, so only a share of th
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -103,10 +104,7 @@ def measures(line: Line, damping_ratio: float | None) -> tuple[float, ...]:
 def likeness(line: Line, damping_ratio: float | None) -> Likeness:
     """How much the line looks like growth, and like something coherent and steady."""
     x = measures(line, damping_ratio)
-    growth, calm = (
-        sum(weight * value for weight, value in zip(weights.per_measure, x, strict=True)) + weights.offset
-        for weights in (GROWTH, CALM)
-    )
+    growth, calm = (sum(map(operator.mul, weights.per_measure, x)) + weights.offset for weights in (GROWTH, CALM))
     return Likeness(_bounded(growth), _bounded(calm))
 
 
