@@ -32,6 +32,7 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.latency
 	$(BIN)/python -m benchmarks.memory --hours 1
 	$(BIN)/python -m benchmarks.margin
+	$(BIN)/python -m benchmarks.dashboard
 
 # The figures of the paper with the numbers beside them, in docs/paper.
 paper: $(READY)

@@ -193,3 +193,30 @@ def test_viewers_are_served_on_the_loopback_only(excerpt):
             pass
         dashboard.terminate()
         assert dashboard.wait(WAIT_S) == 0
+
+
+def children(process):
+    """Processes that a process has started and that still run."""
+    listed = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    return [int(pid) for pid in listed]
+
+
+def alive(pid):
+    """Whether a process runs (and is not only remembered)."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def test_a_viewer_ends_with_its_dashboard(tmp_path):
+    """Terminated while it still replays, the dashboard takes the viewer that it has opened along."""
+    command = [*PROGRAM, "dashboard", "--recording", REPLAY_DATA / "bar_turning.flac", "--browser"]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL, cwd=tmp_path) as dashboard:
+        deadline = time.monotonic() + WAIT_S
+        while not (started := children(dashboard)) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert started
+        dashboard.terminate()
+        assert dashboard.wait(WAIT_S) == 128 + signal.SIGTERM
+        assert not any(alive(pid) for pid in started)

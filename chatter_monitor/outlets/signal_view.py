@@ -26,6 +26,7 @@ class SignalView:
     def __init__(self) -> None:
         self._blocks: deque[Block] = deque()
         self._orders: dict[int, Orders] = {}
+        self._window: NDArray[np.float64] | None = None
 
     def block(self, block: Block) -> None:
         """Take samples; those that no frame can need any more are forgotten."""
@@ -45,9 +46,13 @@ class SignalView:
         if orders is None or not len(frame):
             return None
         end = frame.first_sample + len(frame)
-        window = np.hanning(round(WINDOW_S * frame.sample_rate_hz) + 1)[:-1]
+        if self._window is None:
+            self._window = np.hanning(round(WINDOW_S * frame.sample_rate_hz) + 1)[:-1]
+        window = self._window
         samples = self._samples(frame.channel, min(frame.first_sample, end - len(window)), end)
-        parts = np.array_split(samples[-len(frame) :], max(1, round(len(frame) / (PART_S * frame.sample_rate_hz))))
+        parts = max(1, round(len(frame) / (PART_S * frame.sample_rate_hz)))
+        starts = np.arange(parts) * len(frame) // parts
+        heard = samples[-len(frame) :]
         spectrum = np.abs(np.fft.rfft(samples[-len(window) :] * window)) * (np.sqrt(2.0) / window.sum())
         lines = (*orders.lines, *orders.other_lines)
         return SignalFrame(
@@ -55,7 +60,7 @@ class SignalView:
             first_sample=frame.first_sample,
             samples=len(frame),
             sample_rate_hz=frame.sample_rate_hz,
-            extremes=np.array([(part.min(), part.max()) for part in parts], np.float32),
+            extremes=np.stack([f.reduceat(heard, starts) for f in (np.minimum, np.maximum)], axis=1).astype(np.float32),
             level_db=20.0 * np.log10(np.maximum(spectrum, 10.0 ** (SILENCE_DB / 20.0)))[None].astype(np.float32),
             rotation_hz=orders.rotation_hz,
             orders_hz=tuple(line.frequency_hz for line in sorted(lines, key=lambda line: -line.rms)),

@@ -12,7 +12,9 @@ from pathlib import Path
 
 import msgspec
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+from rich.table import Column
+from rich.text import Text
 
 from chatter_monitor.acquisition.pace import Paced
 from chatter_monitor.acquisition.recording import Recording
@@ -31,6 +33,7 @@ from chatter_monitor.outlets.publisher import Clock, Publisher
 from chatter_monitor.outlets.timeline import Timeline
 from chatter_monitor.service.monitor import Monitor
 from chatter_monitor.service.recorder import open_recorder
+from chatter_monitor.service.status import Status
 
 # At real time short enough for a verdict to follow its interval at once; at full speed long enough to waste nothing
 # between blocks.
@@ -93,7 +96,8 @@ class Replay:
             if self.real_time:
                 source = Paced(source, time.monotonic, time.sleep)
             timeline = Timeline(source.channels)
-            outlets: list[Outlet] = [timeline, *self.witnesses]
+            status = Status(lambda: self.file.name)
+            outlets: list[Outlet] = [timeline, status, *self.witnesses]
             if self.jsonl is not None:
                 outlets.append(stack.enter_context(JsonLines(self.jsonl)))
             if self.odp_table is not None:
@@ -115,7 +119,7 @@ class Replay:
                     settings, store, source.channels, source_rate_hz, utc_of=clock.utc_of, patient=True
                 )
                 outlets.append(stack.enter_context(recorder))
-            with _progress(source.length) as advance:
+            with _progress(source.length, status) as advance:
                 monitor = Monitor(
                     settings,
                     source,
@@ -174,14 +178,35 @@ class _Advance:
         self._progress.update(self._task, completed=done)
 
 
+class _Heard(ProgressColumn):
+    """What is heard at the moment."""
+
+    def __init__(self, status: Status) -> None:
+        super().__init__(Column(no_wrap=True, overflow="ellipsis", ratio=1))
+        self._status = status
+
+    def render(self, task: Task) -> Text:  # noqa: ARG002  there is one
+        """The sentence in the colour of its worst news."""
+        return self._status.line()
+
+
 @contextmanager
-def _progress(total: int | None) -> Iterator[_Advance]:
-    """Progress on standard error, only where a person looks at it; says so when kernels must be compiled first."""
+def _progress(total: int | None, status: Status) -> Iterator[_Advance]:
+    """Progress and what is heard, on standard error, only where a person looks at it.
+
+    It says so when kernels must be compiled first.
+    """
     console = Console(stderr=True)
     if not is_compiled():
         console.print("Compiling the kernels for this machine; this happens once and takes about half a minute.")
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
     with Progress(
-        *columns, TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal
+        *columns,
+        TimeRemainingColumn(),
+        _Heard(status),
+        expand=True,
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
     ) as p:
         yield _Advance(p, total)

@@ -87,7 +87,7 @@ def show_recording(file: Path, settings: Settings, place: Place, say: Say) -> No
     with Recording(file) as recording:
         seconds = LONGEST_SPAN_S if recording.length is None else recording.length / recording.sample_rate_hz
     span_s = min(max(seconds, SHORTEST_SPAN_S), LONGEST_SPAN_S)
-    with open_place(place, file.name, "recording") as shown:
+    with _terminable(), open_place(place, file.name, "recording") as shown:
         with Drawing(Screen(shown.stream, span_s)) as drawing:
             Replay(file=file, settings=settings, witnesses=(drawing,)).run()
         _stay(shown, str(file), say)
@@ -109,6 +109,20 @@ def _stay(shown: Shown, what: str, say: Say) -> None:
     with _until_told() as told:
         while shown.watched() and not told():
             time.sleep(PATIENCE_S)
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM end what is under way as an exception does, so that a viewer that was opened is closed."""
+
+    def leave(_number: int, _frame: FrameType | None) -> None:
+        raise SystemExit(128 + signal.SIGTERM)
+
+    before = signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

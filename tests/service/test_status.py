@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import os
+import pty
+import re
+import subprocess
+import sys
 
 import msgspec
+import pytest
+import soundfile
 from rich.console import Console
 
 from chatter_monitor.service.status import REFRESH_S, Status, StatusLine
+from tests.replaying import REPLAY_DATA
 from tests.service.test_journal import HEALTH, VERDICT
 
 LINE = msgspec.structs.replace(VERDICT, state="self_excited", frequency_hz=898.4, damping_ratio=0.0011)
@@ -61,3 +70,26 @@ def test_the_line_is_on_terminals_only():
     assert "stable" in shown(terminal=True)
     assert "CHATTER" in shown(terminal=True)
     assert shown(terminal=False) == ""
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_replay_says_what_it_hears_on_a_terminal_only(tmp_path, terminal):
+    """Where a person looks, the alarm stands in its colour beside the progress; into a pipe nothing is written."""
+    excerpt = tmp_path / "onset.wav"
+    samples, rate = soundfile.read(REPLAY_DATA / "bar_turning.flac")
+    soundfile.write(excerpt, samples[6 * rate : 9 * rate], rate)
+    seen, end = pty.openpty() if terminal else os.pipe()
+    command = [sys.executable, "-m", "chatter_monitor", "replay", str(excerpt), "--json", "--pace", "real"]
+    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "140"}
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=end, env=environment) as process:
+        os.close(end)
+        said = b""
+        with contextlib.suppress(OSError):  # how a terminal ends whose program has gone
+            while piece := os.read(seen, 65536):
+                said += piece
+        assert process.wait(60) == 0
+    os.close(seen)
+    if terminal:
+        assert re.search(rb"\x1b\[1;31m[^\x1b]*CHATTER, 3\d\d Hz", said)
+    else:
+        assert said == b""
