@@ -13,9 +13,10 @@ from chatter_monitor.discrepancy.augment import Augmented, augment, calibrated
 from chatter_monitor.discrepancy.basis import scales, surface_at
 from chatter_monitor.discrepancy.diagnosis import BLOCK_S, SURE, Case, Local, examine_rest
 from chatter_monitor.discrepancy.faults import Clipping, Line, restlessness
+from chatter_monitor.discrepancy.innovations import Diverged
 from chatter_monitor.discrepancy.linear import Omission
 from chatter_monitor.discrepancy.locate import lag_map, whiteness_p
-from chatter_monitor.discrepancy.name import Scored
+from chatter_monitor.discrepancy.name import PRICE_NATS, Scored
 from chatter_monitor.discrepancy.report import (
     Alternative,
     Calibration,
@@ -35,6 +36,8 @@ RETUNED_P = 1e-3  # of the modes of the model file
 MAPPED_P = 1e-5  # of a map that nothing explains
 REST_SHARE = 0.2  # of a named term's held-out gain that an unnamed static force may add
 REST_NATS = 6.0
+RIVALS = 3  # fitted fully
+RIVAL_NATS, RIVAL_SHARE = 6.0, 0.05  # how near to the leader's evidence, for that
 _STATIC = ("phase_plane", "displacement", "velocity", "amplitude")  # maps of what has no memory
 DETECT_NATS = 10.0
 HARMONIC_WIDTH = 0.1  # about the orders 2 and 3 of the mode
@@ -134,17 +137,19 @@ def conclude(case: Case) -> Diagnosis:
     if rest.kind is not None:
         findings.append(_plain(rest.kind, None, {}, rest.gain_nats, rest.p_value))
     augmented = None
-    found = [_applied(case, scored) for scored in case.named]
     delayed = list(case.innovations.terms[len(case.system.terms) :])
-    if found:
-        augmented = augment(case, found[:1])
+    if case.named:
+        first, augmented = _fullest(case)
         case.rest, plane = examine_rest(case, augmented.innovations, augmented.columns)
-        if min(each.p_value for each in plane) > MAPPED_P:
-            # Further terms stood for what the first, fitted fully, explains.
-            case.named, found = case.named[:1], found[:1]
-        if len(found) > 1:
-            augmented = augment(case, found)
-            case.rest, plane = examine_rest(case, augmented.innovations, augmented.columns)
+        # Further terms may stand for no more than what the first, fitted fully, explains.
+        left = min(each.p_value for each in plane) < MAPPED_P
+        case.named = case.contest.run([first])[0] if left else [first]
+        if len(case.named) > 1:
+            try:
+                augmented = augment(case, [_applied(case, scored) for scored in case.named])
+                case.rest, plane = examine_rest(case, augmented.innovations, augmented.columns)
+            except Diverged:
+                case.named = [first]
         known = {each.name for each in plane}
         case.rest_maps = [*plane, *(each for each in case.rest_maps if each.name not in known)]
         for scored, parameters in zip(case.named, augmented.parameters, strict=True):
@@ -238,6 +243,27 @@ def _merged(tones: Sequence[Finding]) -> list[Finding]:
         if tone.name not in best or tone.evidence_nats > best[tone.name].evidence_nats:
             best[tone.name] = tone
     return list(best.values())
+
+
+def _fullest(case: Case) -> tuple[Scored, Augmented]:
+    """Whichever of the leaders explains most once everything is fitted through the nonlinear filter."""
+    leader = case.named[0]
+    least = leader.evidence_nats - max(RIVAL_NATS, RIVAL_SHARE * leader.evidence_nats)
+    rivals = [
+        leader,
+        *(each for each in case.ranking if each.evidence_nats > least and each.candidate != leader.candidate),
+    ]
+    fits: list[tuple[float, Scored, Augmented]] = []
+    for scored in rivals[:RIVALS]:
+        try:
+            augmented = augment(case, [_applied(case, scored)])
+        except Diverged:
+            continue
+        fits.append((augmented.gain_nats - PRICE_NATS * len(augmented.parameters[0]), scored, augmented))
+    if not fits:
+        raise Diverged("no model with the terms that were found stays with the recording")
+    _, scored, augmented = max(fits, key=lambda each: each[0])
+    return scored, augmented
 
 
 def _applied(case: Case, scored: Scored) -> AppliedTerm:

@@ -331,7 +331,7 @@ def _decide(case: Case) -> None:
         case.drift = changing
         evidence.nuisance += case.columns["time"]
     if case.local is not None or case.drift is not None:
-        case.named, _ = case.contest.run()
+        case.named, case.ranking = case.contest.run()
     with case.contest.beside([column for scored in case.named for column in scored.columns]):
         case.rest = ceiling(evidence, case.columns["surface"], case.training)
         case.rest_maps = _maps(case, evidence)

@@ -101,8 +101,8 @@ class Innovations:
         return min(math.ceil(_MEMORY_DECAYS / max(1e-3, -math.log(slowest))), self.recorded.samples.size // 20)
 
     def force(self, term: Term, values: Sequence[float]) -> NDArray[np.float64]:
-        """Force of a term along the motion, shape (3, n); see `kernels.signatures.force_along`."""
-        out = np.empty((3, self.errors.size))
+        """Force of a term along the motion, shape (2, n); see `kernels.signatures.force_along`."""
+        out = np.empty((2, self.errors.size))
         parameters = np.array(values, dtype=np.float64)
         how = term.compiled_force.address, _rate(term), _substeps(term)
         force_along(self.observer, self.motion, self.settled, *how, parameters, out)
@@ -113,7 +113,7 @@ class Innovations:
 
         Parameters
         ----------
-        forces : sequence of ndarray of float64, shape (2, n) or (3, n), all alike
+        forces : sequence of ndarray of float64, shape (2, n)
             As functions of the state of `motion`, or from `force`.
 
         Returns

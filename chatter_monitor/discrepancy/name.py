@@ -92,18 +92,23 @@ class Contest:
         price = PRICE_NATS * (len(columns) + candidate.shapes)
         return Scored(candidate, all_columns, columns, fit, fit.gain - price, held, p)
 
-    def run(self) -> tuple[list[Scored], list[Scored]]:
+    def run(self, named: Sequence[Scored] = ()) -> tuple[list[Scored], list[Scored]]:
         """Forward selection.
+
+        Parameters
+        ----------
+        named : sequence of Scored
+            What is named already.
 
         Returns
         -------
         list of Scored
             What is named.
         list of Scored
-            For the first of them, or in its place: best shape of every name, most evidence first.
+            For the first that is tried: best shape of every name, most evidence first.
         """
-        named: list[Scored] = []
-        given: list[int] = []
+        named = list(named)
+        given = [column for scored in named for column in scored.columns]
         ranking: list[Scored] = []
         while len(named) < MOST_TERMS:
             taken = {each.candidate.name for each in named}

@@ -7,8 +7,10 @@ is discretised exactly. If the machine has one more force phi per unit mass, the
     s(k)   = H d(k) + D phi(k)
     d(k+1) = Phi [d(k) - K s(k)] + Gamma_0 phi(k) + Gamma_1 phi(k+1)
 
-and s, the *signature* of the force, is what it adds to the prediction errors. phi(k+1) is taken at the state predicted
-from the samples up to k: a state that has seen sample k+1 would leak what is to be predicted.
+and s, the *signature* of the force, is what it adds to the prediction errors. In s, phi(k+1) is taken at the state
+predicted from the samples up to k: a state that has seen sample k+1 would leak what is to be predicted. Once it is
+seen, a sensor that feels the force (D is not 0) has told the filter what phi really was, and d goes on with phi at the
+state that has seen it.
 """
 
 from typing import NamedTuple
@@ -72,18 +74,16 @@ def delayed(x, now, delay):
 
 @njit(cache=True, nogil=True)
 def over_step(
-    address, substeps, felt, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0, z1, parameters, spread, step_s
+    address, substeps, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0, z1, parameters, spread, step_s
 ):
-    """Force over one step as a straight line, its values at both ends; and its mean around the end, if it is felt.
+    """Force over one step as a straight line, its values at both ends, for a sensor of what the force has moved.
 
     Between the samples the tool moves along a cubic; the line has the mean and the first moment of the force on
-    it, so that a jump within the step (friction, contact) counts when it happens. A sensor that feels the force has a
-    low-pass in front of it: it sees the mean from half a step before the sample to half a step after. What is not known
-    of the tool's state is averaged over by cubature points.
+    it, so that a jump within the step (friction, contact) counts when it happens. What is not known of the tool's state
+    is averaged over by cubature points.
     """
     mean = 0.0
     slope = 0.0
-    around = 0.0
     square = 0.0
     for i in range(substeps):
         s = (i + 0.5) / substeps
@@ -101,19 +101,29 @@ def over_step(
         mean += force
         slope += force * (s - 0.5)
         square += (s - 0.5) ** 2
-        if s > 0.5:
-            around += force
-    for i in range(substeps // 2 if felt else 0):
-        s = (i + 0.5) / substeps * step_s
-        x, v = x1 + s * v1, v1 - s * omega * omega * x1
-        dx, dv = 1.4142135623730951 * spread[0, i % 2], 1.4142135623730951 * spread[1, i % 2]
-        turned = angle + turn + turn * s / step_s
-        around += 0.5 * call_force(address, x + dx, v + dv, lagged1, turned, omega, z1, parameters)
-        around += 0.5 * call_force(address, x - dx, v - dv, lagged1, turned, omega, z1, parameters)
     mean /= substeps
-    around /= substeps
     slope /= square
-    return mean - 0.5 * slope, mean + 0.5 * slope, around
+    return mean - 0.5 * slope, mean + 0.5 * slope
+
+
+@njit(cache=True, nogil=True)
+def at_sample(address, substeps, x0, v0, lagged, angle, turn, omega, z, parameters, spread, step_s):
+    """Force at a sample, for a sensor that feels the force itself.
+
+    Its low-pass and the filter's own idea of the force, one number per sample, leave of a jump the mean from half a
+    step before to half a step after; a smooth force is taken as it is.
+    """
+    nodes = 1 if substeps == SMOOTH else substeps
+    mean = 0.0
+    for i in range(nodes):
+        s = ((i + 0.5) / nodes - 0.5) * step_s
+        x, v = x0 + s * v0, v0 - s * omega * omega * x0
+        turned = angle + turn * s / step_s
+        for column in range(2):
+            dx, dv = 1.4142135623730951 * spread[0, column], 1.4142135623730951 * spread[1, column]
+            mean += call_force(address, x + dx, v + dv, lagged, turned, omega, z, parameters)
+            mean += call_force(address, x - dx, v - dv, lagged, turned, omega, z, parameters)
+    return 0.25 * mean / nodes
 
 
 @njit(cache=True, nogil=True)
@@ -159,14 +169,35 @@ def observe(observer, known, y, missing, settled, errors, motion):
     ahead = np.zeros(order)
     count = known.forces.size
     memory = np.zeros(count)
-    felt = 0.0  # force predicted around this sample
-    late = 0.0
+    late = 0.0  # force predicted at this sample
+    feels = observer.feed != 0.0
+    omega, turn, step = observer.omega, observer.turn, observer.step_s
     for k in range(y.size):
-        predicted = observer.feed * felt
+        predicted = observer.feed * late
         for i in range(order):
             predicted += observer.output[i] * state[i]
         e = 0.0 if missing[k] else y[k] - predicted
         errors[k] = e
+        angle = turn * k
+        lagged = delayed(motion.x[0], k, observer.delay)
+        x = v = 0.0
+        for i in range(order):
+            x += observer.tool[0, i] * (state[i] + observer.gain[i] * e)
+            v += observer.tool[1, i] * (state[i] + observer.gain[i] * e)
+        early = 0.0
+        if feels and settled[k]:
+            for j in range(count):
+                p = known.parameters.ctypes.data + 8 * known.columns[j]
+                early += at_sample(
+                    known.forces[j], known.substeps[j], x, v, lagged, angle, turn, omega, memory[j], p,
+                    observer.spread, step,
+                )  # fmt: skip
+            if k > 0 and settled[k - 1]:
+                news = early - late
+                e -= 0.0 if missing[k] else observer.feed * news
+                for i in range(order):
+                    state[i] += observer.end[i] * news
+                    e -= 0.0 if missing[k] else observer.output[i] * observer.end[i] * news
         x = v = 0.0
         for i in range(order):
             state[i] += observer.gain[i] * e
@@ -174,7 +205,6 @@ def observe(observer, known, y, missing, settled, errors, motion):
             v += observer.tool[1, i] * state[i]
         motion.x[0, k] = x
         motion.v[0, k] = v
-        lagged = delayed(motion.x[0], k, observer.delay)
         motion.lagged[0, k] = lagged
         for i in range(order):
             total = 0.0
@@ -183,35 +213,38 @@ def observe(observer, known, y, missing, settled, errors, motion):
             ahead[i] = total
         # The force on the way to the next sample, from where the tool would go with the force as it was.
         lagged_next = delayed(motion.x[0], k + 1, observer.delay)
-        early = late
-        around = 0.0
         if not settled[k]:
             late = 0.0
+        elif not feels:
+            early = late
         for attempt in range(2 if count and settled[k] else 0):
             xp = vp = 0.0
             for i in range(order):
                 reached = ahead[i] + observer.begin[i] * early + observer.end[i] * late
                 xp += observer.tool[0, i] * reached
                 vp += observer.tool[1, i] * reached
-            early = 0.0
             late = 0.0
-            around = 0.0
+            if not feels:
+                early = 0.0
             for j in range(count):
                 p = known.parameters.ctypes.data + 8 * known.columns[j]
                 z = memory[j]
-                angle, turn, step = observer.turn * k, observer.turn, observer.step_s
                 if known.rates[j] != 0:
-                    z = remembered(known.rates[j], x, v, xp, vp, lagged_next, angle, observer.omega, z, p, step)
-                begin, end, here = over_step(
-                    known.forces[j], known.substeps[j], observer.feed != 0.0, x, v, xp, vp, lagged, lagged_next,
-                    angle, turn, observer.omega, memory[j], z, p, observer.spread, step,
-                )  # fmt: skip
-                early += begin
-                late += end
-                around += here
+                    z = remembered(known.rates[j], x, v, xp, vp, lagged_next, angle, omega, z, p, step)
+                if feels:
+                    late += at_sample(
+                        known.forces[j], known.substeps[j], xp, vp, lagged_next, angle + turn, turn, omega, z, p,
+                        observer.spread, step,
+                    )  # fmt: skip
+                else:
+                    begin, end = over_step(
+                        known.forces[j], known.substeps[j], x, v, xp, vp, lagged, lagged_next, angle, turn, omega,
+                        memory[j], z, p, observer.spread, step,
+                    )  # fmt: skip
+                    early += begin
+                    late += end
                 if attempt == 1:
                     memory[j] = z
-        felt = around
         x = v = 0.0
         for i in range(order):
             state[i] = ahead[i] + observer.begin[i] * early + observer.end[i] * late
@@ -237,9 +270,9 @@ def force_along(observer, motion, settled, address, rate_address, substeps, para
     substeps : int
         SUBSTEPS or SMOOTH.
     parameters : ndarray of float64, shape (p,)
-    force : ndarray of float64, shape (3, n)
-        Filled with the force over the step from sample k as a straight line, at its beginning and its end, and with its
-        mean around sample k + 1.
+    force : ndarray of float64, shape (2, n)
+        Filled with the force over the step from sample k as a straight line, at its beginning and its end; for a
+        sensor that feels the force, with the force at sample k once it is known, and with what is predicted for k + 1.
     """
     p = parameters.ctypes.data
     z = 0.0
@@ -256,10 +289,13 @@ def force_along(observer, motion, settled, address, rate_address, substeps, para
         ahead = z
         if rate_address != 0:
             ahead = remembered(rate_address, x, v, xp, vp, lp, angle, omega, z, p, step)
-        force[0, k], force[1, k], force[2, k] = over_step(
-            address, substeps, observer.feed != 0.0, x, v, xp, vp, lagged, lp, angle, turn, omega, z, ahead, p,
-            spread, step,
-        )  # fmt: skip
+        if observer.feed != 0.0:
+            force[0, k] = at_sample(address, substeps, x, v, lagged, angle, turn, omega, z, p, spread, step)
+            force[1, k] = at_sample(address, substeps, xp, vp, lp, angle + turn, turn, omega, ahead, p, spread, step)
+        else:
+            force[0, k], force[1, k] = over_step(
+                address, substeps, x, v, xp, vp, lagged, lp, angle, turn, omega, z, ahead, p, spread, step
+            )
         if rate_address != 0 and k + 1 < force.shape[1]:
             xn, vn, ln = motion.x[0, k + 1], motion.v[0, k + 1], motion.lagged[0, k + 1]
             z = remembered(rate_address, x, v, xn, vn, ln, angle, omega, z, p, step)
@@ -272,8 +308,8 @@ def signatures(observer, force, missing, taps, out):
     Parameters
     ----------
     observer : Observer
-    force : ndarray of float64, shape (m, 2 or 3, n)
-        Each as `force_along` fills it; of two rows the second serves for the mean around sample k + 1, too.
+    force : ndarray of float64, shape (m, 2, n)
+        Each as `force_along` fills it, or a function of the state as known and as predicted.
     missing : ndarray of bool, shape (n,)
     taps : ndarray of float64, shape (t,)
         The filter.
@@ -285,7 +321,10 @@ def signatures(observer, force, missing, taps, out):
     d = np.zeros((order, m))
     ahead = np.zeros((order, m))
     recent = np.zeros((taps.size, m))
-    felt = np.zeros(m)
+    ended, news, seen = np.zeros(m), np.zeros(m), np.zeros(m)
+    told = observer.feed  # by the force at a sample, beyond what was predicted, of the prediction error
+    for i in range(order):
+        told += observer.output[i] * observer.end[i]
     # Columns side by side, a few samples at a time: rows of a whole recording fall on each other in the cache.
     beside = np.zeros((_FEW, rows, m))
     answer = np.zeros((_FEW, m))
@@ -298,23 +337,27 @@ def signatures(observer, force, missing, taps, out):
         for k in range(few):
             s = recent[(first + k) % taps.size]
             for c in range(m):
-                s[c] = observer.feed * felt[c]
+                s[c] = observer.feed * ended[c]
             for i in range(order):
                 for c in range(m):
                     s[c] += observer.output[i] * d[i, c]
+            begin, end = beside[k, 0], beside[k, 1]
+            for c in range(m):
+                news[c] = begin[c] - ended[c] if observer.feed != 0.0 and first + k > 0 else 0.0
+                seen[c] = s[c] + told * news[c]
             if missing[first + k]:
                 s[:] = 0.0
-            begin, end = beside[k, 0], beside[k, 1]
+                seen[:] = 0.0
             for i in range(order):
                 for c in range(m):
-                    d[i, c] -= observer.gain[i] * s[c]
+                    d[i, c] += observer.end[i] * news[c] - observer.gain[i] * seen[c]
                     ahead[i, c] = observer.begin[i] * begin[c] + observer.end[i] * end[c]
             for i in range(order):
                 for j in range(order):
                     for c in range(m):
                         ahead[i, c] += observer.transition[i, j] * d[j, c]
             d, ahead = ahead, d
-            felt[:] = beside[k, rows - 1]
+            ended[:] = end
             y = answer[k]
             y[:] = 0.0
             for lag in range(taps.size):

@@ -13,20 +13,24 @@ def naive(o, force, missing, taps):
     n = missing.size
     s, d = np.zeros(n), np.zeros(o.gain.size)
     for k in range(n):
-        around = force[-1, k - 1] if k > 0 else 0.0
-        s[k] = 0.0 if missing[k] else o.output @ d + o.feed * around
-        d = o.transition @ (d - o.gain * s[k]) + o.begin * force[0, k] + o.end * force[1, k]
+        felt = force[1, k - 1] if k > 0 else 0.0
+        s[k] = 0.0 if missing[k] else o.output @ d + o.feed * felt
+        # What a sensor that feels the force told of it.
+        news = force[0, k] - felt if o.feed and k > 0 else 0.0
+        d = d + o.end * news
+        if not missing[k]:
+            d = d - o.gain * (s[k] + o.output @ o.end * news + o.feed * news)
+        d = o.transition @ d + o.begin * force[0, k] + o.end * force[1, k]
     return np.convolve(s, taps)[:n]
 
 
 @pytest.mark.parametrize("quantity", ["displacement", "pressure"])
-@pytest.mark.parametrize("rows", [2, 3])
-def test_many_signatures_are_those_of_each_force(quantity, rows):
+def test_many_signatures_are_those_of_each_force(quantity):
     """Side by side, over any number of samples and with gaps, each force has the signature it has alone."""
     rng = np.random.default_rng(1)
     n, m = 333, 5
     o = observer(Linear((Mode(400.0, 0.02),), quantity, 1e-3), 5600.0)
-    forces = rng.standard_normal((m, rows, n))
+    forces = rng.standard_normal((m, 2, n))
     missing = rng.random(n) < 0.05
     taps = np.concatenate([[1.0], 0.3 * rng.standard_normal(40)])
     out = np.empty((m, n))
