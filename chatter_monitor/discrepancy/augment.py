@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_monitor.discrepancy.basis import retuning
 from chatter_monitor.discrepancy.diagnosis import Case
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.innovations import Diverged, Innovations
@@ -146,10 +147,11 @@ def _columns(
     case: Case, inn: Innovations, terms: Sequence[AppliedTerm]
 ) -> tuple[list[Vector], list[tuple[int, str, int]]]:
     """Signatures of the modes' retuning, of the nuisance, and of every parameter that is free."""
-    motion = inn.motion
-    nuisance = [*inn.respond([motion.x, motion.v, np.ones_like(motion.x)])]
-    fitted_here = case.columns.get("lagged", []) if any(applied.term.delayed for applied in terms) else []
-    nuisance += [case.matrix[i] for i in case.evidence.nuisance[3:] if i not in fitted_here]
+    nuisance = [*retuning(inn)]
+    fitted_here = list(case.columns["retuning"])
+    if any(applied.term.delayed for applied in terms):
+        fitted_here += case.columns.get("lagged", [])
+    nuisance += [case.matrix[i] for i in case.evidence.nuisance if i not in fitted_here]
     slopes: list[Vector] = []
     where: list[tuple[int, str, int]] = []
     for number, applied in enumerate(terms):

@@ -49,6 +49,15 @@ def scales(motion: Motion) -> tuple[float, float]:
     return float(np.std(motion.x[0])), float(np.std(motion.v[0]))
 
 
+def retuning(innovations: Innovations) -> Matrix:
+    """Signatures of a spring, of a damper, and of a constant force where the sensor sees what it does."""
+    motion = innovations.motion
+    forces = [motion.x, motion.v]
+    if innovations.linear.quantity == "displacement":  # elsewhere nothing is left of it but how it began
+        forces.append(np.ones_like(motion.x))
+    return innovations.respond(forces)
+
+
 def surface(innovations: Innovations) -> Matrix:
     """Signatures of BUMPS x BUMPS bumps over the phase plane, displacement first."""
     sd_x, sd_v = scales(innovations.motion)

@@ -244,7 +244,7 @@ def _gather(case: Case) -> None:
         return index
 
     motion = inn.motion
-    add("nuisance", inn.respond([motion.x, motion.v, np.ones_like(motion.x)]))
+    case.columns["retuning"] = add("nuisance", basis.retuning(inn))
     if len(inn.linear.modes) > 1 or case.system.terms:
         add("nuisance", _retuned(inn))
     if inn.linear.delay_s is not None:
@@ -374,7 +374,7 @@ def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector]) -> tupl
 
 
 def _maps(case: Case, evidence: Evidence) -> list[Statistic]:
-    """The six maps beside the nuisance columns of the moment."""
+    """The maps beside the nuisance columns of the moment."""
     inn, groups = case.innovations, case.columns
     white = case.explained()
     time = Statistic("time", 0.0, 1.0) if case.drift else subspace_map("time", evidence, groups["time"])

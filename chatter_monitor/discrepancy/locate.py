@@ -1,6 +1,6 @@
-"""Where recording and model differ: six maps of the innovations, each with a p-value.
+"""Where recording and model differ: seven maps of the innovations, each with a p-value.
 
-time, frequency, phase plane, amplitude, lag, angle: under a model that explains everything each p-value is uniform.
+time, frequency, phase plane, amplitude, memory, lag, angle: under a model that explains everything each p-value is uniform.
 """
 
 from __future__ import annotations

@@ -79,7 +79,7 @@ def test_the_coefficient_is_that_of_the_machine():
 @pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
 def test_a_force_that_the_sensor_feels_is_not_belittled(quantity):
     """Drag is named with its coefficient whether the sensor feels the force itself or only the motion."""
-    machine = Machine("v|v|", 0.06, quantity=quantity, **SHORT)
+    machine = Machine("v|v|", 0.06, quantity=quantity, frequency_hz=220.0)
     report = diagnosed(machine, 112).report
     assert [term.name for term in report.terms] == ["quadratic_damping"], report.summary
     assert report.terms[0].parameters["coefficient"].value == pytest.approx(coefficient(machine), rel=0.25)
