@@ -138,8 +138,12 @@ def conclude(case: Case) -> Diagnosis:
         findings.append(_plain(rest.kind, None, {}, rest.gain_nats, rest.p_value))
     augmented = None
     delayed = list(case.innovations.terms[len(case.system.terms) :])
-    if case.named:
-        first, augmented = _fullest(case)
+    fullest = _fullest(case) if case.named else None
+    if case.named and fullest is None:
+        case.named = []
+        strange.append("a force with which the model runs away from it")
+    if fullest is not None:
+        first, augmented = fullest
         case.rest, plane = examine_rest(case, augmented.innovations, augmented.columns)
         # Further terms may stand for no more than what the first, fitted fully, explains.
         left = min(each.p_value for each in plane) < MAPPED_P
@@ -245,8 +249,11 @@ def _merged(tones: Sequence[Finding]) -> list[Finding]:
     return list(best.values())
 
 
-def _fullest(case: Case) -> tuple[Scored, Augmented]:
-    """Whichever of the leaders explains most once everything is fitted through the nonlinear filter."""
+def _fullest(case: Case) -> tuple[Scored, Augmented] | None:
+    """Whichever of the leaders explains most once everything is fitted through the nonlinear filter.
+
+    None if that runs away from the recording with each of them.
+    """
     leader = case.named[0]
     least = leader.evidence_nats - max(RIVAL_NATS, RIVAL_SHARE * leader.evidence_nats)
     rivals = [
@@ -261,7 +268,7 @@ def _fullest(case: Case) -> tuple[Scored, Augmented]:
             continue
         fits.append((augmented.gain_nats - PRICE_NATS * len(augmented.parameters[0]), scored, augmented))
     if not fits:
-        raise Diverged("no model with the terms that were found stays with the recording")
+        return None
     _, scored, augmented = max(fits, key=lambda each: each[0])
     return scored, augmented
 

@@ -1,6 +1,7 @@
 """Where recording and model differ: seven maps of the innovations, each with a p-value.
 
-time, frequency, phase plane, amplitude, memory, lag, angle: under a model that explains everything each p-value is uniform.
+time, frequency, phase plane, amplitude, memory, lag, angle: under a model that explains everything each p-value is
+uniform.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class Located(msgspec.Struct, frozen=True):
     statistic : Statistic, optional
         The test that speaks most clearly.
     maps : list of Statistic
-        One test for each of the six maps, of the base model; uniform p-values if the base model explains everything.
+        One test for each of the maps, of the base model; uniform p-values if the base model explains everything.
     """
 
     time_s: list[Interval] = []

@@ -188,7 +188,7 @@ def _tables(report: Report) -> str:
 
 
 def _maps(diagnosis: Diagnosis) -> str:
-    """Six maps in one picture."""
+    """The maps in one picture."""
     case = diagnosis.case
     inn = case.innovations
     figure = _figure(14.0, 8.0)
