@@ -105,6 +105,8 @@ def margin_of(found: Fit, lack_of_fit: float) -> Margin:
     """What a fit means for the cut, intervals by the delta method."""
     physical = found.theta[_PHYSICAL]
     covariance = lack_of_fit * found.covariance[np.ix_(_PHYSICAL, _PHYSICAL)]
+    if not np.isfinite(covariance).all():
+        return Margin(reason=_UNLIKE)
     omega, zeta, kappa, tau = _natural(physical)
     root = rightmost_root(omega, zeta, kappa, tau)
     gradients = np.empty((2, len(physical)))

@@ -43,6 +43,7 @@ _GROUPS, _LEAST_GROUP = 60, 8  # for the lack of fit
 _STEPS = 40
 _STEPS_OF_RACE = 6
 _DELAY_RANGE = 2.5  # standard deviations of the given delay that are searched
+_DETERMINED = 1e-9  # least eigenvalue of an information matrix scaled to a diagonal of 1; rounding is 1e-16
 
 
 class Band:
@@ -177,15 +178,19 @@ def fit(band: Band, prior: Prior, start: Array, steps: int = _STEPS) -> Fit:
     """Fisher scoring with Levenberg's damping from a start."""
     theta, information = start.copy(), np.empty((PARAMETERS, PARAMETERS))
     value = climb(theta, band.likelihood(prior), steps, np.empty((2 * PARAMETERS + 4, PARAMETERS)), information)
-    return Fit(theta, _inverse(information), float(value))
+    return Fit(theta, covariance_of(information), float(value))
 
 
-def _inverse(information: Array) -> Array:
-    """Covariance; infinite where the information does not determine the parameters."""
-    try:
-        return np.asarray(np.linalg.inv(information), dtype=np.float64)
-    except np.linalg.LinAlgError:
+def covariance_of(information: Array) -> Array:
+    """Covariance; infinite where the information does not determine the parameters.
+
+    Near to singular, rounding would give an inverse with negative variances.
+    """
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    relative = information / np.outer(scale, scale)
+    if np.linalg.eigvalsh(relative)[0] < _DETERMINED:
         return np.full(information.shape, np.inf)
+    return np.asarray(np.linalg.inv(relative) / np.outer(scale, scale), dtype=np.float64)
 
 
 def search(band: Band, prior: Prior) -> Fit:

@@ -11,6 +11,7 @@ from chatter_monitor.physics.lobes import stability_limit
 from chatter_monitor.physics.parts import Mode, Spindle
 from chatter_monitor.physics.stability import rightmost_root
 from chatter_monitor.tracking.margin import MarginSettings, MarginTracker
+from chatter_monitor.tracking.regeneration import covariance_of
 from tests.signals import vibration
 
 # the milling case of the documents: 990 Hz, 3 %, 27 ms between two teeth
@@ -141,6 +142,21 @@ def test_whatever_comes_no_value_is_nan(signal):
         numbers = [value for value in values if value is not None and not isinstance(value, str)]
         assert not np.isnan(np.hstack(numbers or [0.0])).any()
         assert (margin.margin_percent is None) == (margin.reason is not None)
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-17, 1e-13, 1e-3])
+def test_a_covariance_is_positive_or_infinite(spread):
+    """Information on parameters in any units gives variances that are positive, or infinite where it determines none."""
+    units = 10.0 ** np.linspace(-6.0, 6.0, 7)
+    rows = np.random.default_rng(3).normal(size=(7, 7))
+    rows[:, -1] = rows[:, 0] + np.sqrt(spread) * rows[:, -1]
+    covariance = covariance_of(rows.T @ rows * np.outer(units, units))
+    if spread < 1e-10:
+        assert np.isinf(covariance).all()
+    else:
+        assert np.isfinite(covariance).all()
+        directions = np.random.default_rng(4).normal(size=(1000, 7)) / units
+        assert (np.einsum("ij,jk,ik->i", directions, covariance, directions) > 0.0).all()
 
 
 def test_what_grows_is_never_given_room():
