@@ -137,7 +137,10 @@ def growth(amplitudes: NDArray[np.complex128]) -> float:
     return float(linregress(np.arange(len(amplitudes)), np.log(abs(amplitudes))).slope)
 
 
-def rise(reliefs: NDArray[np.float64], b: int) -> float:
-    """Logarithm of the newest amplitude of a line (oldest row first) over its upper median, by its prominence."""
-    heights = reliefs[:, b - 1 : b + 2].max(axis=1)
+def rise(reliefs: NDArray[np.float64], levels: NDArray[np.float64], b: int) -> float:
+    """Logarithm of the newest amplitude of a line (oldest row first) over its upper median, by its prominence.
+
+    Rows whose level (logarithm of the power) is 25 dB below the newest do not count.
+    """
+    heights = reliefs[levels > levels[-1] - 5.8, b - 1 : b + 2].max(axis=1)
     return float(0.5 * (heights[-1] - np.sort(heights)[len(heights) // 2]))

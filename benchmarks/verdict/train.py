@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +27,9 @@ from chatter_monitor.tracking.tracker import TrackerSettings
 from chatter_monitor.verdict import weights
 from chatter_monitor.verdict.evidence import Evidence, weigh
 from chatter_monitor.verdict.judge import JudgeSettings
-from chatter_monitor.verdict.kinds import CONVINCING, PRIOR, Chain, Likeness, follow, measures
+from chatter_monitor.verdict.kinds import measures
+from chatter_monitor.verdict.vibrations import Followed, Rules, follow_all
 
-ALARM_PROBABILITY = JudgeSettings().alarm_probability
-CALM_PROBABILITY = JudgeSettings().calm_probability
 NOISE, GROWTH, CALM = range(3)
 MEASURES = ("prominence", "share", "coherence", "variation", "rise", "long_rise", "decay", "growth", "log_damping")
 # Growth makes these larger, or smaller.
@@ -55,27 +53,18 @@ def evidence_of(cut: Cut, *, speed_known: bool) -> Iterator[Evidence]:
         yield weigh(observation, spindle)
 
 
-@dataclass(frozen=True)
-class Seen:
-    """One line of an interval: its measures, its class where it has one, and whether it is on an order."""
-
-    measures: tuple[float, ...]
-    kind: int | None
-    on_order: bool
+Example = tuple[tuple[float, ...], int]
+Heard = tuple[Cut, list[Evidence], bool]  # with the speed known, or not
 
 
-def seen(cut: Cut, *, speed_known: bool) -> list[list[Seen]]:
-    """Lines of every interval."""
+def examples(cut: Cut, intervals: list[Evidence]) -> Iterator[Example]:
+    """Measures and class of the lines that have one."""
     truth = cut.truth
     since = np.full(len(truth), np.inf)
     for stretch in truth.unstable:
         age = truth.start_s - stretch.zero_s
         since = np.where(age >= 0.0, np.minimum(since, age), since)
-    intervals = []
-    for i, evidence in enumerate(evidence_of(cut, speed_known=speed_known)):
-        if i >= len(truth):
-            break
-        lines = []
+    for i, evidence in enumerate(intervals[: len(truth)]):
         for vibration in () if evidence.starting else evidence.vibrations:
             line = vibration.line
             own = abs(np.log(line.frequency_hz / truth.frequency_hz[i])) < SAME_VIBRATION
@@ -92,9 +81,8 @@ def seen(cut: Cut, *, speed_known: bool) -> list[list[Seen]]:
                 kind = CALM if own and calm else None
             elif truth.label[i] in (Label.OTHER, Label.FORCED):
                 kind = CALM if calm else NOISE
-            lines.append(Seen(measures(line, vibration.damping_ratio), kind, vibration.on_order))
-        intervals.append(lines)
-    return intervals
+            if kind is not None:
+                yield measures(line, vibration.damping_ratio), kind
 
 
 def fit(x: NDArray[np.float64], kind: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -124,40 +112,46 @@ def fit(x: NDArray[np.float64], kind: NDArray[np.int64]) -> NDArray[np.float64]:
     return table
 
 
-def alarms(intervals: list[list[Seen]], table: NDArray[np.float64], chain: Chain) -> NDArray[np.bool_]:
-    """Intervals that the chain by itself takes for self-excited.
-
-    `verdict.judge` adds rules for what rises out of nothing and for what has died down.
-    """
-    kinds, alarm = PRIOR, False
+def alarms(intervals: list[Evidence], rules: Rules) -> NDArray[np.bool_]:
+    """Intervals that are called self-excited, but for idling, which only ever ends an alarm."""
+    vibrations: tuple[Followed, ...] = ()
     found = np.zeros(len(intervals), bool)
-    for i, lines in enumerate(intervals):
-        if lines:
-            logs = np.clip([table[:, :-1] @ line.measures + table[:, -1] for line in lines], -CONVINCING, CONVINCING)
-            growing, calm = logs.argmax(axis=0)
-            likeness = Likeness(*logs.max(axis=0).tolist())
-            main = lines[growing if likeness.growth > likeness.calm else calm]
-            kinds = follow(kinds, likeness, doubted=main.on_order, chain=chain)
-        alarm = kinds.self_excited >= (CALM_PROBABILITY if alarm else ALARM_PROBABILITY)
-        found[i] = alarm
+    for i, evidence in enumerate(intervals):
+        if evidence.held:
+            vibrations = ()
+        elif not evidence.starting:
+            vibrations = follow_all(vibrations, evidence, rules)
+            found[i] = any(vibration.alarm_for for vibration in vibrations)
     return found
 
 
-def search(cuts: list[tuple[NDArray[np.int8], list[list[Seen]]]], table: NDArray[np.float64]) -> None:
-    """Print what other constants of the chain would do, best first: recall less 25 times the share of false alarms."""
-    results = []
-    choices = product((0.3, 0.4, 0.6), (1e-6, 1e-5, 1e-4), (1e-6, 1e-5, 1e-4), (1e-3, 3e-3), (0.03, 0.1), (3e-4, 2e-3))
-    for evidence, grow, on_forced, forced, dies, ends in track(list(choices), description="constants of the chain"):
-        chain = Chain(evidence, grow, on_forced, forced, 0.1, dies, ends)
+def variations() -> Iterator[tuple[str, Rules]]:
+    """The rules as they are, and with one constant changed."""
+    settings = JudgeSettings()
+    rules = Rules(settings.alarm_probability, settings.calm_probability)
+    yield "as it is", rules
+    for name in ("evidence", "begins_to_grow", "grows_when_steady", "begins_steady", "saturates", "ends"):
+        for factor in (0.5, 1.5) if name == "evidence" else (0.1, 10.0) if name != "saturates" else (0.3, 3.0):
+            value = factor * getattr(rules.chain, name)
+            yield f"{name} {value:.2g}", replace(rules, chain=replace(rules.chain, **{name: value}))
+    for field in fields(rules.odds):
+        for step in (-1.0, 1.0):
+            old = getattr(rules.odds, field.name)
+            value = old * 2.0**step if field.name == "forced_off_orders" else old + step
+            yield f"{field.name} {value:.2g}", replace(rules, odds=replace(rules.odds, **{field.name: value}))
+
+
+def search(heard: list[Heard]) -> None:
+    """Print what other constants would do."""
+    for name, rules in track(list(variations()), description="constants"):
         counts = np.zeros(4)
-        for label, intervals in cuts:
-            found = alarms(intervals, table, chain)[: len(label)]
+        for cut, intervals, _ in heard:
+            label = cut.truth.label
+            found = alarms(intervals, rules)[: len(label)]
             chatter, other = label == Label.SELF_EXCITED, np.isin(label, (Label.OTHER, Label.FORCED))
             counts += [np.sum(found & chatter), np.sum(chatter), np.sum(found & other), np.sum(other)]
         recall, false = counts[0] / counts[1], counts[2] / counts[3]
-        results.append((recall - 25.0 * false, recall, false, chain))
-    for _, recall, false, chain in sorted(results, key=lambda result: -result[0])[:5]:
-        print(f"recall {recall:.3f}, false alarms {100 * false:.3f} %: {chain}")
+        print(f"{name:24s} recall {recall:.3f}, false alarms {100 * false:.3f} %")
 
 
 def main() -> None:
@@ -167,12 +161,12 @@ def main() -> None:
     parser.add_argument("--cache", type=Path, help="directory that keeps the cuts")
     parser.add_argument("--write", action="store_true", help="into chatter_monitor/verdict/weights.py")
     arguments = parser.parse_args()
-    heard = []
+    heard: list[Heard] = []
     cuts = cached_cuts("development", arguments.cuts, arguments.cache)
     for number, cut in enumerate(track(cuts, total=arguments.cuts, description="cuts of the development split")):
-        heard.append((cut.truth.label, seen(cut, speed_known=number // 15 % 2 == 0)))
-    lines = [line for _, intervals in heard for lines in intervals for line in lines if line.kind is not None]
-    x, kind = np.array([line.measures for line in lines]), np.array([line.kind for line in lines])
+        known = number // 15 % 2 == 0
+        heard.append((cut, list(evidence_of(cut, speed_known=known)), known))
+    x, kind = map(np.array, zip(*(e for cut, intervals, _ in heard for e in examples(cut, intervals)), strict=True))
     print("examples of noise, growth, calm:", np.bincount(kind, minlength=3).tolist())
     table = fit(x, kind)
     text = [
@@ -182,7 +176,9 @@ def main() -> None:
     print(MEASURES)
     print("\n".join(text))
 
-    search(heard, table)
+    for known in (True, False):
+        print(f"speed {'known' if known else 'unknown'}, with the weights as they are")
+        search([each for each in heard if each[2] is known])
     if arguments.write:
         path = Path(weights.__file__)
         head = path.read_text().split("\nGROWTH = ", maxsplit=1)[0]

@@ -27,6 +27,8 @@ LAG = 2
 TINY = 1e-300
 # Hops over which growth is fitted.
 GROWTH_HOPS = 12
+# Frames that are fainter by so much (logarithm of the power, 25 dB) are silence.
+SILENCE = 5.8
 # A chattering mode is heard within this relative distance of where it was before.
 NEAR = 0.12
 
@@ -57,6 +59,8 @@ class LineState(NamedTuple):
         Ring of prominences (`stand_out`), a column for each frame.
     relief, relief_sum : ndarray of float64, shape (bins,)
         The newest, and the sum of all of them.
+    levels : ndarray of float64, shape (frames,)
+        Mean logarithm of the power in each frame.
     counts : ndarray of int64, shape (2,)
     sums : ndarray of float64, shape (bins + 1,)
     scratch : ndarray of float64, shape (max(hops, frames),)
@@ -70,6 +74,7 @@ class LineState(NamedTuple):
     reliefs: np.ndarray
     relief: np.ndarray
     relief_sum: np.ndarray
+    levels: np.ndarray
     counts: np.ndarray
     sums: np.ndarray
     scratch: np.ndarray
@@ -86,6 +91,7 @@ def new_state(points: int, hops: int, frames: int) -> LineState:
         reliefs=np.zeros((bins, frames)),
         relief=np.zeros(bins),
         relief_sum=np.zeros(bins),
+        levels=np.zeros(frames),
         counts=np.zeros(2, np.int64),
         sums=np.zeros(bins + 1),
         scratch=np.zeros(max(hops, frames)),
@@ -146,6 +152,8 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
     column = counts[FRAMES] % frames
     counts[FRAMES] += 1
     stand_out(power, lowest, state.sums, relief)
+    bins = power.shape[0]
+    state.levels[column] = (state.sums[bins] - state.sums[lowest]) / (bins - lowest)
     for b in range(relief.shape[0]):
         state.relief_sum[b] = state.relief_sum[b] - reliefs[b, column] + relief[b]
         reliefs[b, column] = relief[b]
@@ -156,8 +164,8 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
         describe(spectra, state.valid, counts[TAKEN], power, lowest, b, state.scratch, out)
         out[BIN] = b + crest(power, b)
         out[PROMINENCE] = relief[b]
-        out[RISE] = rise(reliefs, counts[FRAMES], recent, b, state.scratch)
-        out[LONG_RISE] = rise(reliefs, counts[FRAMES], frames, b, state.scratch)
+        out[RISE] = rise(reliefs, state.levels, counts[FRAMES], recent, b, state.scratch)
+        out[LONG_RISE] = rise(reliefs, state.levels, counts[FRAMES], frames, b, state.scratch)
         out[USUAL] = _highest_near(state.relief_sum, b) / min(counts[FRAMES], frames)
     return count
 
@@ -319,13 +327,17 @@ def describe(spectra, valid, head, power, lowest, b, scratch, out):
 
 
 @njit(**OPTIONS)
-def rise(reliefs, head, frames, b, scratch):
+def rise(reliefs, levels, head, frames, b, scratch):
     """Half the prominence of a bin, less its median over the last frames: growth that the surroundings do not share.
+
+    Frames in which there was next to silence do not count: what begins has not risen from them.
 
     Parameters
     ----------
     reliefs : ndarray, shape (bins, columns)
         Ring of prominences (`stand_out`), a column for each frame.
+    levels : ndarray, shape (columns,)
+        Mean logarithm of the power in each of these frames.
     head : int
         Column after the newest, counted from the start without wrapping.
     frames : int
@@ -336,10 +348,13 @@ def rise(reliefs, head, frames, b, scratch):
         Work space.
     """
     columns = reliefs.shape[1]
-    count = min(frames, head, columns)
-    for back in range(1, count + 1):
+    silence = levels[(head - 1) % columns] - SILENCE
+    count = 0
+    for back in range(1, min(frames, head, columns) + 1):
         column = (head - back) % columns
-        scratch[back - 1] = max(reliefs[b - 1, column], reliefs[b, column], reliefs[b + 1, column])
+        if levels[column] > silence:
+            scratch[count] = max(reliefs[b - 1, column], reliefs[b, column], reliefs[b + 1, column])
+            count += 1
     newest = scratch[0]
     return 0.5 * (newest - median(scratch[:count])) if count > 1 else 0.0
 

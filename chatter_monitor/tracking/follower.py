@@ -12,7 +12,7 @@ from chatter_monitor.tracking.harmonics import Harmonics
 
 # Doubt about a speed that was averaged over the search window: it wanders.
 START_SD = 0.002
-CHECK_FRAMES = 5  # from one look at whether it still is a comb to the next
+CHECK_FRAMES = 5  # from one look at whether it still is a comb to the next, or there is one near a known speed
 
 
 class CombFollower:
@@ -96,12 +96,18 @@ class CombFollower:
         self._past[self._frames % len(self._past)] = samples if heard else np.where(present, samples, 0.0)
         self._heard = min(self._heard + 1, len(self._past)) if heard else 0
         self._rest -= 1
-        # a range that is narrow needs less to be sure
-        needed = len(self._past) if self._target.teeth is None else len(self._past) // 2
-        if self.harmonics is not None or self._rest > 0 or self._heard < needed:
+        if self.harmonics is not None or self._rest > 0:
             return False
-        self._rest = len(self._past) // 2
-        return self._search(taken_hz)
+        # A range that is narrow needs less to be sure. A speed that wanders blurs a line the more the longer one looks,
+        # and is steady enough at one time or another.
+        known = self._target.teeth is not None
+        lengths = [
+            n for n in ((len(self._past) // 2, len(self._past)) if known else (len(self._past),)) if n <= self._heard
+        ]
+        if not lengths:
+            return False
+        self._rest = CHECK_FRAMES if known else len(self._past) // 2
+        return any(self._search(frames, taken_hz) for frames in lengths)
 
     def _check(self, harmonics: Harmonics) -> None:
         """Give up a comb that has not been one for too long."""
@@ -118,9 +124,9 @@ class CombFollower:
             self._spectra[len(past)] = Spectrum(past.size, self._rate_hz, self._lowest_hz)
         return self._spectra[len(past)].lines(past.ravel())
 
-    def _search(self, taken_hz: float | None) -> bool:
-        """Look through the past for a comb, and follow it from there to now."""
-        last = np.arange(self._frames - self._heard + 1, self._frames + 1) % len(self._past)
+    def _search(self, frames: int, taken_hz: float | None) -> bool:
+        """Look through the last frames for a comb, and follow it from there to now."""
+        last = np.arange(self._frames - frames + 1, self._frames + 1) % len(self._past)
         past = self._past[last]
         lines = self._lines(past)
         if taken_hz is not None:

@@ -7,6 +7,7 @@ the first leaves.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
@@ -27,6 +28,9 @@ Positive = Annotated[float, msgspec.Meta(gt=0)]
 SHOWN_LINES = 8  # of each comb
 # Relative standard deviation of a nominal speed: real ones are 1 to 3 % off.
 NOMINAL_SD = 0.015
+# A speed that was heard stays known when it is heard no more, because the spindle goes on turning; its relative
+# variance grows by this much in a second.
+FORGETTING = 0.002**2
 
 
 class OrderSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -115,6 +119,7 @@ class OrderTracker:
     def __init__(self, settings: OrderSettings, sample_rate_hz: float, spindle: SpindleSettings) -> None:
         self._settings = settings
         self._spindle = spindle
+        self._rate_hz = sample_rate_hz
         size = round(INTERVAL_S * sample_rate_hz)
         anything = Target(settings.slowest_hz, settings.fastest_hz)
         self._followers = [
@@ -132,10 +137,12 @@ class OrderTracker:
         self._signals = np.empty((len(self._followers) + 1, size))  # before, between and after the followers
         self._filled = 0
         self._next_sample = 0
+        self._heard: tuple[float, float, int] | None = None  # speed and its deviation (Hz), and the sample then
 
     def set_spindle(self, spindle: SpindleSettings) -> None:
         """Go by another speed or number of teeth."""
         self._spindle = spindle
+        self._heard = None
         self._followers[0].aim(self._target())
 
     def process(self, first_sample: int, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], list[Orders]]:
@@ -212,14 +219,27 @@ class OrderTracker:
         (spindle, lines), (other, other_lines) = combs
         other_hz = None if other is None else other.rotation_hz
         if spindle is not None:
-            source: Source = "found" if rpm is None else "refined"
-            return Orders(
-                first_sample, spindle.rotation_hz, spindle.rotation_sd_hz, source, share, lines, other_hz, other_lines
-            )
-        if rpm is not None:
-            hertz = rpm / 60.0
-            return Orders(first_sample, hertz, NOMINAL_SD * hertz, "given", share, (), other_hz, other_lines)
-        return Orders(first_sample, None, None, None, share, (), other_hz, other_lines)
+            source: Source | None = "found" if rpm is None else "refined"
+            hertz: float | None = spindle.rotation_hz
+            sd_hz: float | None = spindle.rotation_sd_hz
+            if rpm is not None:
+                self._heard = (spindle.rotation_hz, spindle.rotation_sd_hz, first_sample)
+        else:
+            hertz, sd_hz, source = self._from_memory(first_sample)
+        return Orders(first_sample, hertz, sd_hz, source, share, lines, other_hz, other_lines)
+
+    def _from_memory(self, sample: int) -> tuple[float | None, float | None, Source | None]:
+        """Speed, standard deviation and source while the spindle is not heard."""
+        if self._spindle.speed_rpm is None:
+            return None, None, None
+        nominal_hz = self._spindle.speed_rpm / 60.0
+        nominal_sd_hz = NOMINAL_SD * nominal_hz
+        if self._heard is not None:
+            hertz, sd_hz, then = self._heard
+            sd_hz = math.sqrt(sd_hz**2 + FORGETTING * hertz**2 * (sample - then) / self._rate_hz)
+            if sd_hz < nominal_sd_hz:
+                return hertz, sd_hz, "refined"
+        return nominal_hz, nominal_sd_hz, "given"
 
 
 def _lines(harmonics: Harmonics | None) -> tuple[OrderLine, ...]:

@@ -18,7 +18,7 @@ HISTORY_S = 1.0
 LONG_S = 8.0
 DECIBELS = 10.0 / math.log(10.0)
 # Lines looked at in a frame.
-LINES = 3
+LINES = 5
 # What is below is offset and drift.
 LOWEST_HZ = 50.0
 

@@ -24,10 +24,10 @@ AUDIBLE_SHARE = 0.003
 # A mode belongs to a line when their frequencies are this near, relatively or in Hz: lines are 40 Hz wide.
 SAME_FREQUENCY = 0.05
 LINE_WIDTH_HZ = 25.0
-# How near to an order a line has to be: the frequency of a line 40 Hz wide is known to some Hz; nominal speeds are 1 to
-# 3 % off.
+# How near to an order a line has to be: the frequency of a line 40 Hz wide is known to some Hz, and the order to so
+# many standard deviations of the speed.
 ORDER_TOLERANCE_HZ = 6.0
-NOMINAL_TOLERANCE = 0.035
+SPEED_DEVIATIONS = 2.33
 
 # Plain numbers, as kernels take them.
 OSCILLATORY, HELD, STARTING = int(ModeStatus.OSCILLATORY), int(ModeStatus.HELD), int(ModeStatus.STARTING)
@@ -55,11 +55,14 @@ class Vibration:
         What the recursion says; None where it has no mode there.
     on_order : bool
         Whether its frequency cannot be told from an order of the spindle.
+    by_chance : float or None
+        Probability that any frequency cannot be told from an order; None where orders cannot be told apart.
     """
 
     line: Line
     mode: ModeEvidence | None
     on_order: bool
+    by_chance: float | None
 
     @property
     def damping_ratio(self) -> float:
@@ -129,7 +132,7 @@ def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
     modes = [mode for mode in slots if mode is not None]
     significant = [mode for mode in modes if mode.share >= SIGNIFICANT_SHARE]
     vibrations = tuple(
-        Vibration(line, _mode_at(line, modes), is_on_order(line.frequency_hz, orders, spindle.teeth))
+        Vibration(line, _mode_at(line, modes), *place_among_orders(line.frequency_hz, orders, spindle.teeth))
         for line in observation.lines
         if line.share >= AUDIBLE_SHARE
     )
@@ -152,18 +155,21 @@ def _mode_at(line: Line, modes: list[ModeEvidence]) -> ModeEvidence | None:
     return min(near, key=lambda mode: mode.damping_ratio, default=None)
 
 
-def is_on_order(frequency_hz: float, orders: Orders, teeth: int) -> bool:
-    """Whether a frequency cannot be told from an order, where the orders are far enough apart to say so."""
+def place_among_orders(frequency_hz: float, orders: Orders, teeth: int) -> tuple[bool, float | None]:
+    """Whether a frequency cannot be told from an order, and how likely that is by chance.
+
+    The orders are those of the rotation, or of the teeth where the former are too close to each other.
+    """
     if orders.rotation_hz is None:
-        return False
-    tolerance_hz = ORDER_TOLERANCE_HZ
-    if orders.source == "given":
-        tolerance_hz = max(tolerance_hz, NOMINAL_TOLERANCE * frequency_hz)
+        return False, None
+    deviation = (orders.rotation_sd_hz or 0.0) / orders.rotation_hz
+    tolerance_hz = max(ORDER_TOLERANCE_HZ, SPEED_DEVIATIONS * deviation * frequency_hz)
     for spacing_hz in (orders.rotation_hz, orders.rotation_hz * teeth):
         if spacing_hz > 2.5 * tolerance_hz:
             order = round(frequency_hz / spacing_hz)
-            return order >= 1 and abs(frequency_hz - order * spacing_hz) < tolerance_hz
-    return False
+            near = order >= 1 and abs(frequency_hz - order * spacing_hz) < tolerance_hz
+            return near, 2.0 * tolerance_hz / spacing_hz
+    return False, None
 
 
 def probability_below(mode: ModeEvidence, damping_ratio: float) -> float:

@@ -1,6 +1,6 @@
 """From evidence to a state: whether the machine idles, cuts, is forced, comes near chatter, or chatters.
 
-What the vibration is, is followed by `verdict.kinds`; here its probability becomes one word, with reasons.
+What each vibration is, is followed by `verdict.vibrations`; here the probabilities become one word, with reasons.
 """
 
 from __future__ import annotations
@@ -13,22 +13,10 @@ import msgspec
 
 from chatter_monitor.records import Flag, State, Verdict
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration, probability_below, spindle_order
-from chatter_monitor.verdict.kinds import NOTHING, PRIOR, Kinds, Likeness, follow, likeness
+from chatter_monitor.verdict.vibrations import Followed, Rules, follow_all
 
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
-
-# A line that rises where nothing stood out before comes with the tool's entry, or is something new. Its kind is open
-# until there was time to find out what turns (`tracking.orders`): so many intervals.
-UNHEARD_DB = 8.0
-ENTRY_RISE = 0.7
-ENTRY_INTERVALS = 52
-COHERENT = 0.7
-# A vibration is over when its amplitude has fallen below half of what it was for seconds (natural logarithm): that of a
-# saturated one does not, whatever its damping reads.
-DIED_DOWN = -0.7
-# For some intervals it may stand out less than its own harmonics; for longer it is over, too.
-NOT_HEARD = Likeness(-3.0, -3.0)
 
 # Weight of an interval in the average of the synchronous share: half a second of intervals.
 AVERAGING = 0.1
@@ -89,24 +77,20 @@ class Memory:
     ----------
     loudest : float
         Largest rms, forgotten with a time constant of a minute.
-    kinds : Kinds
-        What the vibration is, by all that was seen.
-    alarm : bool
-        Whether an alarm is running.
-    chatter_hz : float or None
-        Frequency of the vibration that the running alarm is about, where it was last heard.
+    vibrations : tuple of Followed
+        What each vibration is, the most suspicious first.
     synchronous : float
         Share of the power that turns with the spindle, averaged over the last half second.
-    since_entry : int or None
-        Intervals since something rose where nothing had stood out.
     """
 
     loudest: float = 0.0
-    kinds: Kinds = PRIOR
-    alarm: bool = False
-    chatter_hz: float | None = None
+    vibrations: tuple[Followed, ...] = ()
     synchronous: float = 0.0
-    since_entry: int | None = None
+
+    @property
+    def alarm(self) -> Followed | None:
+        """What the running alarm is about: the vibration that it began with."""
+        return max((v for v in self.vibrations if v.alarm_for), key=lambda v: v.alarm_for, default=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,96 +103,56 @@ class Opinion:
     vibration: Vibration | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Suspect:
-    """The vibration of an interval that looks most like growth, and what there is to say of all of them."""
-
-    vibration: Vibration | None
-    likeness: Likeness
-
-
-def suspect(evidence: Evidence) -> Suspect:
-    """Look at every line: the growth of the one that grows most, the calm of the calmest."""
-    if not evidence.vibrations:
-        return Suspect(None, NOTHING)
-    seen = [
-        (vibration, _in_doubt(vibration, likeness(vibration.line, vibration.damping_ratio)))
-        for vibration in evidence.vibrations
-    ]
-    most, growing = max(seen, key=lambda pair: pair[1].growth)
-    steady, calm = max(seen, key=lambda pair: pair[1].calm)
-    main = most if growing.growth > calm.calm else steady
-    return Suspect(main, Likeness(growing.growth, calm.calm))
-
-
-def heard_again(evidence: Evidence, frequency_hz: float) -> Vibration | None:
-    """The vibration that an alarm is about; its harmonics and side lines may look more like chatter than itself."""
-    distances = [(abs(math.log(v.line.frequency_hz / frequency_hz)), v) for v in evidence.vibrations]
-    distance, vibration = min(distances, key=lambda pair: pair[0], default=(math.inf, None))
-    return vibration if distance < SAME_VIBRATION else None
-
-
-def _is_unheard(vibration: Vibration) -> bool:
-    """Whether it rose where nothing stood out before."""
-    return vibration.line.usual_db < UNHEARD_DB and vibration.line.long_rise > ENTRY_RISE
-
-
-def _in_doubt(vibration: Vibration, like: Likeness) -> Likeness:
-    """A cut that begins wakes modes that noise drives: what rises out of nothing is growth only if it is coherent."""
-    if _is_unheard(vibration) and vibration.line.coherence < COHERENT:
-        return Likeness(min(like.growth, 0.0), like.calm)
-    return like
-
-
-def _since_entry(before: int | None, vibration: Vibration | None) -> int | None:
-    """Intervals since something rose where nothing had been; None again when that is over and done with."""
-    unheard = vibration is not None and _is_unheard(vibration)
-    if before is None:
-        return 0 if unheard else None
-    return before + 1 if before < ENTRY_INTERVALS or unheard else None
-
-
-def opinion(evidence: Evidence, memory: Memory, found: Suspect, settings: JudgeSettings) -> Opinion:
+def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opinion:
     """What an interval is, given what has been followed so far."""
-    vibration, kinds, alarm = found.vibration, memory.kinds, memory.alarm
-    if alarm and vibration is not None:
-        return Opinion("self_excited", kinds.self_excited, _why_chatter(vibration, kinds), vibration)
-    if alarm:
-        return Opinion("self_excited", kinds.self_excited, ("the vibration has not died down since the alarm",))
-    doubt = 1.0 - kinds.self_excited
-    share = memory.synchronous
-    if share > settings.forced_share:
+    alarm = memory.alarm
+    if alarm is not None:
+        return Opinion("self_excited", alarm.self_excited, _why_chatter(alarm), alarm.heard)
+    suspect = next((v for v in memory.vibrations if v.heard is not None), None)
+    doubt = 1.0 - max((v.self_excited for v in memory.vibrations), default=0.0)
+    if memory.synchronous > settings.forced_share:
         return Opinion("forced", doubt, _why_forced(evidence))
-    if kinds.self_excited >= settings.warning_probability and vibration is not None:
-        why = f"{_line(vibration)} begins to grow by itself; not certain yet"
-        return Opinion("approaching", doubt, (why,), vibration)
-    if vibration is not None and kinds.forced > 0.5 and share + vibration.line.share > settings.forced_share:
-        return Opinion("forced", kinds.forced, _why_steady(vibration), vibration)
-    return _stable_or_near(evidence, kinds, settings)
+    if suspect is not None and suspect.self_excited >= settings.warning_probability:
+        why = f"{_line(suspect)} begins to grow by itself; not certain yet"
+        return Opinion("approaching", doubt, (why,), suspect.heard)
+    forced = [(v, v.heard.line.share) for v in memory.vibrations if v.heard is not None and v.forced > 0.5]
+    if forced and memory.synchronous + sum(share for _, share in forced) > settings.forced_share:
+        strongest, _ = max(forced, key=lambda pair: pair[1])
+        return Opinion("forced", strongest.forced, _why_steady(strongest), strongest.heard)
+    return _stable_or_near(evidence, memory, doubt, settings)
 
 
-def _stable_or_near(evidence: Evidence, kinds: Kinds, settings: JudgeSettings) -> Opinion:
+def _stable_or_near(evidence: Evidence, memory: Memory, doubt: float, settings: JudgeSettings) -> Opinion:
     """Among what neither is chatter nor forced: how much is left."""
     margin, mode = evidence.margin, evidence.critical
     if margin.margin_ci95 is not None and margin.margin_ci95[1] < settings.approaching_margin_percent:
         why = f"only {max(margin.margin_percent or 0.0, 0.0):.0f} % more depth before it chatters"
         return Opinion("approaching", settings.certainty, (why,))
     if mode is None:
-        return Opinion("stable", 1.0 - kinds.self_excited, ("no mode stands out",))
+        return Opinion("stable", doubt, ("no mode stands out",))
     near = probability_below(mode, settings.approaching_damping)
     where = f"damping {_percent(mode)} at {mode.frequency_hz:.0f} Hz"
-    if near >= settings.certainty and kinds.forced < 0.5:
+    if near >= settings.certainty and not _is_forced(mode, memory):
         return Opinion("approaching", near, (where,))
-    return Opinion("stable", 1.0 - kinds.self_excited, (where,))
+    return Opinion("stable", doubt, (where,))
 
 
-def _why_chatter(vibration: Vibration, kinds: Kinds) -> tuple[str, ...]:
-    line = vibration.line
-    reasons = [f"{_line(vibration)} {'grows' if kinds.growing > kinds.saturated else 'has grown'} by itself"]
+def _is_forced(mode: ModeEvidence, memory: Memory) -> bool:
+    """Whether a mode is where something forces a vibration: that reads as undamped."""
+    return any(
+        v.forced > 0.5 and abs(math.log(v.frequency_hz / mode.frequency_hz)) < SAME_VIBRATION for v in memory.vibrations
+    )
+
+
+def _why_chatter(alarm: Followed) -> tuple[str, ...]:
+    if alarm.heard is None:
+        return ("the vibration has not died down since the alarm",)
+    line, mode = alarm.heard.line, alarm.heard.mode
+    reasons = [f"{_line(alarm)} {'grows' if alarm.kinds.growing > alarm.kinds.saturated else 'has grown'} by itself"]
     if line.long_rise > 0.5:
         reasons.append(f"{math.exp(line.long_rise):.1f} times its amplitude of the last seconds")
-    if vibration.mode is not None:
-        reasons.append(f"damping {_percent(vibration.mode)}")
+    if mode is not None:
+        reasons.append(f"damping {_percent(mode)}")
     return tuple(reasons)
 
 
@@ -219,14 +163,18 @@ def _why_forced(evidence: Evidence) -> tuple[str, ...]:
     return (f"{100 * orders.synchronous_share:.0f} % of the power is in multiples{turning}",)
 
 
-def _why_steady(vibration: Vibration) -> tuple[str, ...]:
-    if vibration.on_order:
-        return (f"{_line(vibration)} is steady and on an order of the spindle",)
-    return (f"{_line(vibration)} is steady and was not seen to grow: something forces it",)
+def _why_steady(forced: Followed) -> tuple[str, ...]:
+    on_order = forced.heard is not None and forced.heard.on_order
+    if forced.kinds.risen > forced.kinds.steady:
+        where = "is on an order of the spindle" if on_order else "may come from something that turns"
+        return (f"{_line(forced)} has risen, but {where}",)
+    if on_order:
+        return (f"{_line(forced)} is steady and on an order of the spindle",)
+    return (f"{_line(forced)} is steady and was not seen to grow: something forces it",)
 
 
-def _line(vibration: Vibration) -> str:
-    return f"the vibration at {vibration.line.frequency_hz:.0f} Hz"
+def _line(vibration: Followed) -> str:
+    return f"the vibration at {vibration.frequency_hz:.0f} Hz"
 
 
 def _percent(mode: ModeEvidence) -> str:
@@ -264,49 +212,21 @@ class Judge:
         if deaf:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif evidence.held or evidence.rms <= settings.idle_ratio * memory.loudest:
-            memory = replace(memory, kinds=PRIOR, alarm=False, chatter_hz=None)
+            memory = replace(memory, vibrations=())
             view = Opinion("idle", 0.95, ("nothing moves" if evidence.held else "far below the level of cutting",))
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         else:
-            found = suspect(evidence)
-            memory, heard = self._believe(memory, evidence, found)
-            if memory.alarm:
-                found = replace(found, vibration=heard)
-            view = opinion(evidence, memory, found, settings)
+            memory = self._follow(memory, evidence)
+            view = opinion(evidence, memory, settings)
         self._memory = memory
         return self._record(view, evidence, first_sample, samples, sample_rate_hz)
 
-    def _believe(self, memory: Memory, evidence: Evidence, found: Suspect) -> tuple[Memory, Vibration | None]:
-        """Follow the probabilities by what an interval shows; also gives what is heard of the alarm's vibration."""
-        settings, vibration = self._settings, found.vibration
-        since_entry = _since_entry(memory.since_entry, vibration)
-        entering = since_entry is not None and since_entry < ENTRY_INTERVALS
-        on_order = vibration is not None and vibration.on_order
-        chatter_hz = memory.chatter_hz
-        seen = found.likeness
-        if chatter_hz is not None:
-            vibration = heard_again(evidence, chatter_hz)
-            if vibration is None:
-                seen = NOT_HEARD
-            elif vibration.line.long_rise < DIED_DOWN:
-                seen = NOTHING
-        kinds = follow(memory.kinds, seen, doubted=on_order or entering)
-        alarm = kinds.self_excited >= (settings.calm_probability if memory.alarm else settings.alarm_probability)
-        if memory.alarm and not alarm:
-            kinds = PRIOR  # what is over does not come back for want of evidence against it
-        if vibration is not None:
-            chatter_hz = vibration.line.frequency_hz
-        share = memory.synchronous + AVERAGING * (evidence.orders.synchronous_share - memory.synchronous)
-        believed = replace(
-            memory,
-            kinds=kinds,
-            alarm=alarm,
-            chatter_hz=chatter_hz if alarm else None,
-            synchronous=share,
-            since_entry=since_entry,
-        )
-        return believed, vibration
+    def _follow(self, memory: Memory, evidence: Evidence) -> Memory:
+        """Follow what an interval shows."""
+        rules = Rules(self._settings.alarm_probability, self._settings.calm_probability)
+        synchronous = memory.synchronous + AVERAGING * (evidence.orders.synchronous_share - memory.synchronous)
+        return replace(memory, vibrations=follow_all(memory.vibrations, evidence, rules), synchronous=synchronous)
 
     def _hear(self, level: float) -> Memory:
         """Take note of how loud it is."""

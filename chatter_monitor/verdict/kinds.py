@@ -32,21 +32,17 @@ class Chain:
     ----------
     evidence : float
         Share at which a frame's logarithmic likelihood counts: its history overlaps with that of the frames before.
-    begins_to_grow, grows_on_forced, begins_forced, saturates, dies_while_growing, ends : float
+    begins_to_grow, grows_when_steady, begins_steady, saturates, dies_while_growing, ends : float
         Probabilities of a change in one frame.
-    doubted : float
-        By this factor a vibration that something else explains is less likely to grow by itself: it is on an order of
-        the spindle, or the tool has just entered the cut.
     """
 
-    evidence: float = 0.3
+    evidence: float = 0.4
     begins_to_grow: float = 1e-5
-    grows_on_forced: float = 1e-6
-    begins_forced: float = 3e-3
+    grows_when_steady: float = 1e-6
+    begins_steady: float = 3e-3
     saturates: float = 0.1
     dies_while_growing: float = 0.1
     ends: float = 3e-3
-    doubted: float = 0.007
 
 
 CHAIN = Chain()
@@ -58,16 +54,16 @@ class Kinds(NamedTuple):
     noise: float
     growing: float
     saturated: float
-    forced: float
+    steady: float
 
     @property
-    def self_excited(self) -> float:
-        """That it is chatter, grown or growing."""
+    def risen(self) -> float:
+        """That it has risen out of its surroundings, or does."""
         return self.growing + self.saturated
 
 
 # Before anything is known.
-PRIOR = Kinds(noise=0.98, growing=2e-4, saturated=2e-4, forced=0.0196)
+PRIOR = Kinds(noise=0.98, growing=2e-4, saturated=2e-4, steady=0.0196)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,21 +107,19 @@ def likeness(line: Line, damping_ratio: float | None) -> Likeness:
 NOTHING = Likeness(-CONVINCING, -CONVINCING)
 
 
-def follow(before: Kinds, seen: Likeness, *, doubted: bool, chain: Chain = CHAIN) -> Kinds:
+def follow(before: Kinds, seen: Likeness, chain: Chain = CHAIN) -> Kinds:
     """Probabilities after another frame: the forward recursion of the chain."""
-    favour = chain.doubted if doubted else 1.0
-    noise, growing, saturated, forced = before
-    begun = noise * chain.begins_to_grow * favour
-    begun_on_forced = forced * chain.grows_on_forced * favour
+    noise, growing, saturated, steady = before
+    begun, begun_when_steady = noise * chain.begins_to_grow, steady * chain.grows_when_steady
     died = growing * chain.dies_while_growing
     grown = growing * chain.saturates
-    ended_saturated, ended_forced = saturated * chain.ends, forced * chain.ends
-    begun_forced = noise * chain.begins_forced
+    ended_saturated, ended_steady = saturated * chain.ends, steady * chain.ends
+    begun_steady = noise * chain.begins_steady
     predicted = (
-        noise - begun - begun_forced + died + ended_saturated + ended_forced,
-        growing - died - grown + begun + begun_on_forced,
+        noise - begun - begun_steady + died + ended_saturated + ended_steady,
+        growing - died - grown + begun + begun_when_steady,
         saturated - ended_saturated + grown,
-        forced - ended_forced - begun_on_forced + begun_forced,
+        steady - ended_steady - begun_when_steady + begun_steady,
     )
     most = max(0.0, seen.growth, seen.calm)
     likelihoods = [math.exp(chain.evidence * (log - most)) for log in (0.0, seen.growth, seen.calm, seen.calm)]

@@ -96,17 +96,21 @@ def test_too_few_hops_tell_the_share_only():
 
 
 @pytest.mark.parametrize(("head", "frames"), [(9, 5), (9, 9), (30, 7), (30, 12), (30, 40), (2, 12)])
-def test_rise_is_that_of_the_twin(head, frames):
-    """Rise is taken over as many frames as asked for, as have been, and as are kept, whichever is least."""
+@pytest.mark.parametrize("spread", [0.0, 6.0])
+def test_rise_is_that_of_the_twin(head, frames, spread):
+    """Rise is taken over as many frames as asked for, as have been, and as are kept, silent ones left out."""
     rows, b = 12, 20
-    history = np.random.default_rng(7).standard_normal((head, BINS))
-    kept = np.zeros((BINS, rows))
+    rng = np.random.default_rng(7)
+    history, loudness = rng.standard_normal((head, BINS)), spread * rng.standard_normal(head)
+    kept, levels = np.zeros((BINS, rows)), np.zeros(rows)
     for index, relief in enumerate(history):
         kept[:, index % rows] = relief
-    expected = naive.rise(history[-min(frames, rows) :], b)
-    assert lines.rise(kept, head, frames, b, np.zeros(rows)) == pytest.approx(expected)
+        levels[index % rows] = loudness[index]
+    last = slice(-min(frames, rows), None)
+    expected = naive.rise(history[last], loudness[last], b)
+    assert lines.rise(kept, levels, head, frames, b, np.zeros(rows)) == pytest.approx(expected)
 
 
 def test_the_first_frame_has_not_risen():
     """There is nothing to have risen from."""
-    assert lines.rise(np.ones((BINS, 12)), 1, 12, 20, np.zeros(12)) == 0.0
+    assert lines.rise(np.ones((BINS, 12)), np.ones(12), 1, 12, 20, np.zeros(12)) == 0.0

@@ -146,7 +146,7 @@ def test_whatever_comes_no_value_is_nan(signal):
 
 @pytest.mark.parametrize("spread", [0.0, 1e-17, 1e-13, 1e-3])
 def test_a_covariance_is_positive_or_infinite(spread):
-    """Information on parameters in any units gives variances that are positive, or infinite where it determines none."""
+    """Information in any units gives variances that are positive, or infinite where it determines nothing."""
     units = 10.0 ** np.linspace(-6.0, 6.0, 7)
     rows = np.random.default_rng(3).normal(size=(7, 7))
     rows[:, -1] = rows[:, 0] + np.sqrt(spread) * rows[:, -1]

@@ -10,7 +10,7 @@ import pytest
 from chatter_monitor.records import Flag, ModeStatus, OdpFrame
 from chatter_monitor.tracking.channel import Observation
 from chatter_monitor.tracking.margin import Margin
-from chatter_monitor.tracking.orders import Orders
+from chatter_monitor.tracking.orders import NOMINAL_SD, Orders
 from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict.evidence import (
@@ -18,8 +18,8 @@ from chatter_monitor.verdict.evidence import (
     ORDER_TOLERANCE_HZ,
     SIGNIFICANT_SHARE,
     ModeEvidence,
-    is_on_order,
     modes_evidence,
+    place_among_orders,
     probability_below,
     spindle_order,
 )
@@ -52,7 +52,8 @@ def line(frequency_hz, share=0.5):
 
 
 def orders_of(rotation_hz=None, source=None, share=0.0):
-    return Orders(0, rotation_hz, None if rotation_hz is None else 0.01, source, share)
+    sd_hz = None if rotation_hz is None else rotation_hz * (NOMINAL_SD if source == "given" else 1e-4)
+    return Orders(0, rotation_hz, sd_hz, source, share)
 
 
 def weigh(frame, orders=None, lines=(), spindle=None):
@@ -131,6 +132,14 @@ def test_a_line_that_is_hardly_heard_is_left_out():
     assert [v.line.frequency_hz for v in weigh(frame(), lines=lines).vibrations] == [700.0, 300.0]
 
 
+@pytest.mark.parametrize("rotation_hz", [27.6, 100.0])
+def test_by_chance_is_the_share_of_frequencies_on_an_order(rotation_hz):
+    """Of frequencies drawn anywhere, as many are on an order as the probability says."""
+    frequencies = np.random.default_rng(5).uniform(1000.0, 1000.0 + 20.0 * rotation_hz, 4000)
+    places = [place_among_orders(f, orders_of(rotation_hz, "found"), 6) for f in frequencies]
+    assert np.mean([on for on, _ in places]) == pytest.approx(places[0][1], abs=0.03)
+
+
 @pytest.mark.parametrize(
     ("frequency_hz", "rotation_hz", "teeth", "source", "on_order"),
     [
@@ -150,7 +159,7 @@ def test_a_line_that_is_hardly_heard_is_left_out():
 )
 def test_on_an_order_where_orders_can_be_told_apart(frequency_hz, rotation_hz, teeth, source, on_order):
     """A frequency is on an order within what it and the speed are known to, unless every frequency would be."""
-    assert is_on_order(frequency_hz, orders_of(rotation_hz, source), teeth) is on_order
+    assert place_among_orders(frequency_hz, orders_of(rotation_hz, source), teeth)[0] is on_order
     spindle = SpindleSettings(teeth=teeth)
     (vibration,) = weigh(frame(), orders_of(rotation_hz, source), [line(frequency_hz)], spindle).vibrations
     assert vibration.on_order is on_order

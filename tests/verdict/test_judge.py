@@ -13,12 +13,14 @@ from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration
-from chatter_monitor.verdict.judge import DEAF, Judge, JudgeSettings, Memory, Suspect, opinion
-from chatter_monitor.verdict.kinds import PRIOR, Kinds, Likeness
+from chatter_monitor.verdict.judge import DEAF, Judge, JudgeSettings, Memory, opinion
+from chatter_monitor.verdict.kinds import PRIOR, Kinds
+from chatter_monitor.verdict.vibrations import Followed
 
 HZ = 1067.0
 UNKNOWN_SPEED = Orders(0, None, None, None, 0.0)
 MILL = Orders(0, 27.6, 0.01, "found", 0.0)
+TOLD = Orders(0, 27.6, 0.01, "refined", 0.0)
 TURNING = Orders(0, 27.6, 0.01, "found", 0.9, (OrderLine(36, 993.6, 0.7), OrderLine(6, 165.6, 0.2)))
 NO_MARGIN = Margin(reason="too little signal yet")
 
@@ -27,16 +29,16 @@ def mode(damping=0.02, frequency=HZ, sd=0.0005):
     return ModeEvidence(frequency, damping, sd, 0.9)
 
 
-def growing(frequency=HZ, damping=0.0, *, on_order=False):
+def growing(frequency=HZ, damping=0.0, *, on_order=False, usual_db=15.0):
     """A line that rises out of its surroundings, coherent, tenfold within a second."""
-    line = Line(frequency, 0.9, 35.0, 0.7, 60.0, 2.3, 3.0, 15.0, 0.99)
-    return Vibration(line, mode(damping, frequency), on_order)
+    line = Line(frequency, 0.9, 35.0, 0.7, 60.0, 2.3, 3.0, usual_db, 0.99)
+    return Vibration(line, mode(damping, frequency), on_order, by_chance=0.2)
 
 
 def steady(frequency=HZ, damping=0.0, *, on_order=False, share=0.9):
     """A line as coherent that neither grows nor varies."""
     line = Line(frequency, share, 30.0, 0.02, 0.0, 0.0, 0.0, 15.0, 0.99)
-    return Vibration(line, mode(damping, frequency), on_order)
+    return Vibration(line, mode(damping, frequency), on_order, by_chance=0.2)
 
 
 def evidence(*vibrations, critical=None, orders=UNKNOWN_SPEED, margin=NO_MARGIN, rms=1.0, flags=Flag.NONE, **about):
@@ -175,6 +177,20 @@ def test_chatter_under_a_strong_comb_is_an_alarm():
     assert states(*loud)[-1] == "self_excited"
 
 
+def test_a_hum_hides_no_chatter():
+    """Growth beside a steady line that carries most of the power is an alarm, and named by what grows."""
+    hum = steady(100.0, share=0.85)
+    verdict = judged(*[evidence(hum)] * 40, *[evidence(hum, growing())] * 20)[-1]
+    assert (verdict.state, verdict.frequency_hz) == ("self_excited", HZ)
+
+
+def test_what_rises_on_an_order_is_no_alarm_until_it_leaves_it():
+    """A new line that rises on an order may come with the tool's entry; if it turns out to be off them, an alarm."""
+    on, off = (evidence(growing(on_order=on_order, usual_db=0.0), orders=TOLD) for on_order in (True, False))
+    assert "self_excited" not in states(*[CALM] * 40, *[on] * 60)
+    assert states(*[CALM] * 40, *[on] * 60, *[off] * 20)[-1] == "self_excited"
+
+
 def test_an_alarm_names_its_vibration_not_its_harmonics():
     """While the alarm runs a harmonic that looks more like chatter does not take its place."""
     both = evidence(steady(HZ + 5.0, damping=0.01, share=0.1), growing(2 * HZ))
@@ -270,18 +286,20 @@ def test_changed_thresholds_keep_what_is_remembered():
 
 
 @pytest.mark.parametrize(
-    ("kinds", "alarm", "state", "confidence"),
+    ("kinds", "unexplained", "alarm_for", "state", "confidence"),
     [
-        (Kinds(0.05, 0.9, 0.03, 0.02), True, "self_excited", 0.93),
-        (Kinds(0.6, 0.2, 0.0, 0.2), False, "approaching", 0.8),
-        (Kinds(0.1, 0.0, 0.0, 0.9), False, "forced", 0.9),
-        (PRIOR, False, "stable", 1.0 - 4e-4),
+        (Kinds(0.05, 0.9, 0.03, 0.02), 1.0, 3, "self_excited", 0.93),
+        (Kinds(0.05, 0.9, 0.05, 0.0), 0.9, 3, "self_excited", 0.855),
+        (Kinds(0.6, 0.2, 0.0, 0.2), 1.0, 0, "approaching", 0.8),
+        (Kinds(0.1, 0.0, 0.0, 0.9), 1.0, 0, "forced", 0.9),
+        (Kinds(0.0, 0.0, 1.0, 0.0), 0.05, 0, "forced", 0.95),
+        (PRIOR, 1.0, 0, "stable", 1.0 - 4e-4),
     ],
 )
-def test_confidence_is_the_probability_that_the_state_is_right(kinds, alarm, state, confidence):
-    """An opinion is as sure as the chain is of what it says."""
-    found = Suspect(steady(), Likeness(0.0, 0.0))
-    view = opinion(evidence(steady()), Memory(1.0, kinds, alarm=alarm), found, JudgeSettings())
+def test_confidence_is_the_probability_that_the_state_is_right(kinds, unexplained, alarm_for, state, confidence):
+    """An opinion is as sure as it is that the vibration has risen and that nothing that turns explains it."""
+    vibration = Followed(HZ, kinds, unexplained=unexplained, alarm_for=alarm_for, heard=steady())
+    view = opinion(evidence(steady()), Memory(1.0, (vibration,)), JudgeSettings())
     assert (view.state, view.confidence) == (state, pytest.approx(confidence))
 
 

@@ -18,19 +18,19 @@ GROWS = Likeness(growth=CONVINCING, calm=0.0)
 STEADY = Likeness(growth=-CONVINCING, calm=CONVINCING)
 
 
-def followed(*frames, begin=PRIOR, on_order=False):
+def followed(*frames, begin=PRIOR):
     """Probabilities after each frame."""
     history = []
     for seen in frames:
-        begin = follow(begin, seen, doubted=on_order)
+        begin = follow(begin, seen)
         history.append(begin)
     return history
 
 
-def frames_until(condition, seen, *, begin=PRIOR, on_order=False, most=1000):
+def frames_until(condition, seen, *, begin=PRIOR, most=1000):
     """Number of equal frames until a condition holds."""
     for count in range(1, most):
-        begin = follow(begin, seen, doubted=on_order)
+        begin = follow(begin, seen)
         if condition(begin):
             return count
     return most
@@ -39,51 +39,40 @@ def frames_until(condition, seen, *, begin=PRIOR, on_order=False, most=1000):
 def test_before_anything_is_known_it_is_noise():
     """The prior is a distribution in which noise is likely and chatter is not."""
     assert sum(PRIOR) == pytest.approx(1.0)
-    assert PRIOR.noise > 0.9 > 0.01 > PRIOR.self_excited
+    assert PRIOR.noise > 0.9 > 0.01 > PRIOR.risen
 
 
-@pytest.mark.parametrize("on_order", [True, False])
-def test_a_frame_that_says_nothing_moves_little(on_order):
+def test_a_frame_that_says_nothing_moves_little():
     """Where every kind is as likely, a frame only lets the chain take its step: no probability jumps."""
-    step = follow(PRIOR, Likeness(0.0, 0.0), doubted=on_order)
+    step = follow(PRIOR, Likeness(0.0, 0.0))
     np.testing.assert_allclose(step, PRIOR, atol=5e-3)
 
 
-def test_a_calm_line_from_the_start_is_forced():
-    """What is coherent and steady from the first frame on was not seen to grow: forced, however long it lasts."""
+def test_a_calm_line_from_the_start_is_steady():
+    """What is coherent and steady from the first frame on was not seen to grow, however long it lasts."""
     history = followed(*[STEADY] * 60 * FRAMES_PER_S)
-    assert all(kinds.forced > 0.9 for kinds in history[FRAMES_PER_S:])
-    assert all(kinds.self_excited < 0.1 for kinds in history)
+    assert all(kinds.steady > 0.9 for kinds in history[FRAMES_PER_S:])
+    assert all(kinds.risen < 0.1 for kinds in history)
 
 
-def test_growth_makes_it_self_excited():
-    """Growth for half a second out of noise is an alarm, and growing until it is steady."""
+def test_growth_makes_it_risen():
+    """Growth for half a second out of noise has risen, and is growing until it is calm."""
     history = followed(*[GROWS] * 10)
-    assert history[-1].self_excited > 0.95
+    assert history[-1].risen > 0.95
     assert history[-1].growing > history[-1].saturated
 
 
-def test_growth_then_calm_stays_self_excited():
-    """What was seen to grow is chatter for as long as it stays, though it looks like a forced line by then."""
+def test_growth_then_calm_stays_risen():
+    """What was seen to grow has risen for as long as it stays, though it looks like a forced line by then."""
     history = followed(*[GROWS] * 10, *[STEADY] * 10 * 60 * FRAMES_PER_S)[10:]
-    assert min(kinds.self_excited for kinds in history) > 0.9
+    assert min(kinds.risen for kinds in history) > 0.9
     assert history[-1].saturated > 0.9
 
 
-def test_growth_on_an_order_needs_more():
-    """On an order of the spindle growth must be seen for longer before it counts, but counts in the end."""
-    noise = followed(*[NOTHING] * 100)[-1]
-    away, on = (
-        frames_until(lambda kinds: kinds.self_excited > 0.8, GROWS, begin=noise, on_order=order)
-        for order in (False, True)
-    )
-    assert away < on < 2 * FRAMES_PER_S
-
-
-def test_growth_of_a_forced_line_counts():
-    """A line that was steady for a minute and then grows by itself is self-excited within half a second."""
+def test_growth_of_a_steady_line_counts():
+    """A line that was steady for a minute and then grows has risen within half a second."""
     forced = followed(*[STEADY] * 60 * FRAMES_PER_S)[-1]
-    assert frames_until(lambda k: k.self_excited > 0.8, GROWS, begin=forced) <= FRAMES_PER_S // 2
+    assert frames_until(lambda k: k.risen > 0.8, GROWS, begin=forced) <= FRAMES_PER_S // 2
 
 
 @pytest.mark.parametrize("before", [[GROWS] * 20, [GROWS] * 20 + [STEADY] * 1200, [STEADY] * 1200])
@@ -93,9 +82,9 @@ def test_silence_ends_it(before):
     assert frames_until(lambda k: k.noise > 0.9, NOTHING, begin=last) <= FRAMES_PER_S // 2
 
 
-def test_one_frame_is_no_alarm():
+def test_one_frame_is_not_enough():
     """A single frame of whatever looks most like growth does not make it more likely than not."""
-    assert followed(GROWS)[0].self_excited < 0.5
+    assert followed(GROWS)[0].risen < 0.5
 
 
 @pytest.mark.parametrize(
@@ -120,24 +109,22 @@ seen = st.builds(Likeness, bounded, bounded)
 
 
 @settings(max_examples=300, derandomize=True, deadline=None)
-@given(st.lists(st.tuples(seen, st.booleans()), min_size=1, max_size=60))
+@given(st.lists(seen, min_size=1, max_size=60))
 def test_always_a_distribution(history):
     """For any history the probabilities are finite, within 0 and 1, and sum to one."""
     kinds = PRIOR
-    for each, on_order in history:
-        kinds = follow(kinds, each, doubted=on_order)
+    for each in history:
+        kinds = follow(kinds, each)
         assert all(0.0 < p < 1.0 for p in kinds)
         assert sum(kinds) == pytest.approx(1.0, abs=1e-12)
 
 
 @settings(max_examples=300, derandomize=True, deadline=None)
-@given(st.tuples(*[st.floats(1e-6, 1.0)] * 4), seen, st.floats(0.1, 4.0), st.booleans())
-def test_more_growth_is_more_growing(weights, before, more, on_order):
+@given(st.tuples(*[st.floats(1e-6, 1.0)] * 4), seen, st.floats(0.1, 4.0))
+def test_more_growth_is_more_growing(weights, before, more):
     """Of two frames alike but for growth, the one with more of it makes growing likelier, and nothing else."""
     kinds = Kinds(*(w / sum(weights) for w in weights))
-    less, grown = (
-        follow(kinds, Likeness(g, before.calm), doubted=on_order) for g in (before.growth, before.growth + more)
-    )
+    less, grown = (follow(kinds, Likeness(g, before.calm)) for g in (before.growth, before.growth + more))
     assert grown.growing > less.growing
     assert all(a <= b for a, b in zip(grown[::2] + grown[3:], less[::2] + less[3:], strict=True))
 
