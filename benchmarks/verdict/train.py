@@ -28,7 +28,7 @@ from chatter_monitor.verdict import weights
 from chatter_monitor.verdict.evidence import Evidence, weigh
 from chatter_monitor.verdict.judge import JudgeSettings
 from chatter_monitor.verdict.kinds import measures
-from chatter_monitor.verdict.vibrations import Followed, Rules, follow_all
+from chatter_monitor.verdict.vibrations import Followed, Rules, at_rest, follow_all
 
 NOISE, GROWTH, CALM = range(3)
 MEASURES = ("prominence", "share", "coherence", "variation", "rise", "long_rise", "decay", "growth", "log_damping")
@@ -118,7 +118,7 @@ def alarms(intervals: list[Evidence], rules: Rules) -> NDArray[np.bool_]:
     found = np.zeros(len(intervals), bool)
     for i, evidence in enumerate(intervals):
         if evidence.held:
-            vibrations = ()
+            vibrations = at_rest(vibrations)
         elif not evidence.starting:
             vibrations = follow_all(vibrations, evidence, rules)
             found[i] = any(vibration.alarm_for for vibration in vibrations)

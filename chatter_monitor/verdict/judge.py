@@ -13,7 +13,7 @@ import msgspec
 
 from chatter_monitor.records import Flag, State, Verdict
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration, probability_below, spindle_order
-from chatter_monitor.verdict.vibrations import Followed, Rules, follow_all
+from chatter_monitor.verdict.vibrations import Followed, Rules, at_rest, follow_all
 
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
@@ -212,7 +212,7 @@ class Judge:
         if deaf:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif evidence.held or evidence.rms <= settings.idle_ratio * memory.loudest:
-            memory = replace(memory, vibrations=())
+            memory = replace(memory, vibrations=at_rest(memory.vibrations))
             view = Opinion("idle", 0.95, ("nothing moves" if evidence.held else "far below the level of cutting",))
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))

@@ -107,19 +107,22 @@ def likeness(line: Line, damping_ratio: float | None) -> Likeness:
 NOTHING = Likeness(-CONVINCING, -CONVINCING)
 
 
-def follow(before: Kinds, seen: Likeness, chain: Chain = CHAIN) -> Kinds:
-    """Probabilities after another frame: the forward recursion of the chain."""
+def follow(before: Kinds, seen: Likeness, chain: Chain = CHAIN, *, again: bool = False) -> Kinds:
+    """Probabilities after another frame: the forward recursion of the chain.
+
+    What has chattered before and is calm and coherent ``again`` is saturated, not steady from the start.
+    """
     noise, growing, saturated, steady = before
     begun, begun_when_steady = noise * chain.begins_to_grow, steady * chain.grows_when_steady
     died = growing * chain.dies_while_growing
     grown = growing * chain.saturates
     ended_saturated, ended_steady = saturated * chain.ends, steady * chain.ends
-    begun_steady = noise * chain.begins_steady
+    begun_calm = noise * chain.begins_steady
     predicted = (
-        noise - begun - begun_steady + died + ended_saturated + ended_steady,
+        noise - begun - begun_calm + died + ended_saturated + ended_steady,
         growing - died - grown + begun + begun_when_steady,
-        saturated - ended_saturated + grown,
-        steady - ended_steady - begun_when_steady + begun_steady,
+        saturated - ended_saturated + grown + (begun_calm if again else 0.0),
+        steady - ended_steady - begun_when_steady + (0.0 if again else begun_calm),
     )
     most = max(0.0, seen.growth, seen.calm)
     likelihoods = [math.exp(chain.evidence * (log - most)) for log in (0.0, seen.growth, seen.calm, seen.calm)]

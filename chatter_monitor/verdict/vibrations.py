@@ -9,7 +9,7 @@ known.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.evidence import Evidence, Vibration
@@ -19,9 +19,9 @@ from chatter_monitor.verdict.kinds import CHAIN, NOTHING, PRIOR, Chain, Kinds, L
 SAME_VIBRATION = 0.06
 LINE_WIDTH_HZ = 25.0
 # What an interval says of a vibration that none of its prominent lines belongs to.
-NOT_HEARD = Likeness(-3.0, -3.0)
-# Intervals without a line after which it is forgotten, and in an alarm.
-FORGOTTEN, FORGOTTEN_IN_ALARM = 10, 40
+NOT_HEARD = Likeness(-1.0, -1.0)
+# Intervals without a line after which it is forgotten; a minute if it has chattered, because it will again.
+FORGOTTEN, FORGOTTEN_CHATTER = 10, 1200
 # What grows by itself is coherent; noise that comes and goes is not. More so where nothing stood out before: a cut that
 # begins wakes modes that noise drives.
 COHERENT, COHERENT_IF_NEW = 0.6, 0.7
@@ -32,8 +32,8 @@ OVER = 0.02  # probability of having risen below which that is forgotten
 # saturated one does not, whatever its damping reads.
 DIED_DOWN = -0.7
 
-# By then the orders of an unknown speed have been found, if they can be.
-LATE_INTERVALS = 50
+# Of a vibration that has chattered and does no more.
+CALMED = Kinds(noise=1.0 - 6e-4, growing=2e-4, saturated=2e-4, steady=2e-4)
 # Weight of an interval in the average of the odds over half a second.
 AVERAGING = 0.2
 
@@ -49,17 +49,14 @@ class Odds:
     unknown_speed, off_found : float
         Added where the speed is unknown, for forced lines may be anywhere, and off the orders of a comb that was found,
         for it may be another machine's.
-    late : float
-        Added when seconds have gone by and it still is on no order.
     forced_off_orders : float
         Share of forced lines that are off the orders.
     """
 
     heard: float = 3.0
     new: float = 2.0
-    unknown_speed: float = -0.6
-    off_found: float = 0.5
-    late: float = 1.0
+    unknown_speed: float = -0.7
+    off_found: float = 1.5
     forced_off_orders: float = 0.05
 
 
@@ -87,12 +84,12 @@ class Followed:
         Log odds for self-excitation by its place among the orders, averaged over half a second.
     new : bool or None
         Whether nothing stood out there before it rose; None while it has not risen.
-    risen_for : int
-        Intervals since it has more likely risen than not.
     missed : int
         Intervals since its line was heard.
     alarm_for : int
         Intervals since an alarm began that is about it; 0 without one.
+    chattered : bool
+        Whether there has been one.
     unexplained : float
         Probability that nothing that turns explains it, if it has risen.
     heard : Vibration or None
@@ -103,9 +100,9 @@ class Followed:
     kinds: Kinds = PRIOR
     order_odds: float = 0.0
     new: bool | None = None
-    risen_for: int = 0
     missed: int = 0
     alarm_for: int = 0
+    chattered: bool = False
     unexplained: float = 0.0
     heard: Vibration | None = None
 
@@ -132,8 +129,17 @@ def follow_all(before: tuple[Followed, ...], evidence: Evidence, rules: Rules) -
     for line in lines:
         new = Followed(line.line.frequency_hz, order_odds=order_odds(line, evidence.orders, rules.odds))
         after.append(_another_interval(new, line, evidence.orders, rules))
-    kept = [v for v in after if v.missed < (FORGOTTEN_IN_ALARM if v.alarm_for else FORGOTTEN)]
+    kept = [v for v in after if v.missed < (FORGOTTEN_CHATTER if v.chattered else FORGOTTEN)]
     return tuple(sorted(kept, key=lambda vibration: -vibration.self_excited))
+
+
+def at_rest(vibrations: tuple[Followed, ...]) -> tuple[Followed, ...]:
+    """What is remembered while nothing is cut: which vibrations have chattered."""
+    return tuple(
+        replace(v, kinds=CALMED, missed=v.missed + 1, alarm_for=0, heard=None)
+        for v in vibrations
+        if v.chattered and v.missed < FORGOTTEN_CHATTER
+    )
 
 
 def order_odds(vibration: Vibration, orders: Orders, odds: Odds) -> float:
@@ -160,25 +166,22 @@ def _another_interval(before: Followed, heard: Vibration | None, orders: Orders,
     if heard is not None:
         frequency_hz = heard.line.frequency_hz
         average += AVERAGING * (order_odds(heard, orders, rules.odds) - average)
-        new = _is_new(before, heard)
-        seen = _likeness(heard, new=bool(new), in_alarm=before.alarm_for > 0)
-    kinds = follow(before.kinds, seen, rules.chain)
-    risen_for = before.risen_for + 1 if kinds.risen > 0.5 else 0
+        new = False if before.chattered else _is_new(before, heard)
+        seen = _likeness(heard, new=bool(new), chattered=before.chattered)
+    kinds = follow(before.kinds, seen, rules.chain, again=before.chattered)
     odds = average + (rules.odds.new if new else rules.odds.heard)
-    if risen_for > LATE_INTERVALS and average >= rules.odds.unknown_speed:
-        odds += rules.odds.late
     unexplained = 1.0 / (1.0 + math.exp(-odds))
     alarm = kinds.risen * unexplained >= (rules.calm_probability if before.alarm_for else rules.alarm_probability)
     if before.alarm_for and not alarm and kinds.risen < 0.5:
-        kinds, new = PRIOR, None  # what is over does not come back for want of evidence against it
+        kinds, new = CALMED, None  # what is over does not come back for want of evidence against it
     return Followed(
         frequency_hz,
         kinds,
         order_odds=average,
         new=new,
-        risen_for=risen_for,
         missed=0 if heard is not None else before.missed + 1,
         alarm_for=before.alarm_for + 1 if alarm else 0,
+        chattered=before.chattered or alarm,
         unexplained=unexplained,
         heard=heard,
     )
@@ -192,10 +195,10 @@ def _is_new(before: Followed, heard: Vibration) -> bool | None:
     return heard.line.usual_db < UNHEARD_DB if rises else None
 
 
-def _likeness(heard: Vibration, *, new: bool, in_alarm: bool) -> Likeness:
+def _likeness(heard: Vibration, *, new: bool, chattered: bool) -> Likeness:
     """What a line says of its vibration."""
     line = heard.line
-    if in_alarm and line.long_rise < DIED_DOWN:
+    if chattered and line.long_rise < DIED_DOWN:
         return NOTHING
     seen = likeness(line, heard.damping_ratio)
     if line.coherence < (COHERENT_IF_NEW if new else COHERENT):
