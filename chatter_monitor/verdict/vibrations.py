@@ -24,7 +24,7 @@ NOT_HEARD = Likeness(-1.0, -1.0)
 FORGOTTEN, FORGOTTEN_CHATTER = 10, 1200
 # What grows by itself is coherent; noise that comes and goes is not. More so where nothing stood out before: a cut that
 # begins wakes modes that noise drives.
-COHERENT, COHERENT_IF_NEW = 0.6, 0.7
+COHERENT, COHERENT_IF_NEW = 0.6, 0.77
 UNHEARD_DB = 8.0
 RISEN = 0.7  # natural logarithm: to twice its usual amplitude
 OVER = 0.02  # probability of having risen below which that is forgotten

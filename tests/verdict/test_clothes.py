@@ -126,11 +126,6 @@ def test_a_minute_of_silence_after_chatter():
     assert set(seen[82:]) == {"idle"}
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="alarm 0.3 s after the entry: the rise of the mode's line is measured against the seconds of silence, 27 dB"
-    " over surroundings that were as flat as noise then; damping 3 % and coherence 0.3 do not outweigh it",
-)
 @pytest.mark.parametrize("before", ["zeros", "noise floor"])
 def test_a_stable_cut_that_begins_is_no_chatter(before):
     """When a stable cut begins after ten seconds in which nothing was cut, there is no alarm."""
