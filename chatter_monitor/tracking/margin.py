@@ -114,8 +114,7 @@ def margin_of(found: Fit, lack_of_fit: float) -> Margin:
         above, below = _ratio_and_damping(physical + step, root), _ratio_and_damping(physical - step, root)
         gradients[:, i] = (above - below) / 2e-5
     ratio, damping = _ratio_and_damping(physical, root).tolist()
-    variances = np.einsum("ij,jk,ik->i", gradients, covariance, gradients)
-    ratio_sd, damping_sd = np.sqrt(np.where(variances >= 0.0, variances, np.inf)).tolist()
+    ratio_sd, damping_sd = np.sqrt(np.einsum("ij,jk,ik->i", gradients, covariance, gradients)).tolist()
     if not math.isfinite(ratio_sd + damping_sd):
         return Margin(reason=_UNLIKE)
     low, high = ratio - _CONFIDENCE_95 * ratio_sd, ratio + _CONFIDENCE_95 * ratio_sd

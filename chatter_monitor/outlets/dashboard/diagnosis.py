@@ -1,4 +1,4 @@
-"""A diagnosis: what is said, the six maps and the comparison out of its report, and the numbers before and after."""
+"""A diagnosis: what is said, the seven maps and the comparison out of its report, and the numbers before and after."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def answer(report: Report) -> str:
 
 
 def numbers(report: Report) -> str:
-    """Markdown: tests of the six maps, and how well the models predict what no fit has seen."""
+    """Markdown: tests of the seven maps, and how well the models predict what no fit has seen."""
     fit = report.fit
     rows = [
         ("neg. log likelihood / sample", fit.nll_per_sample_before, fit.nll_per_sample_after),
