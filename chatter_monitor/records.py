@@ -219,7 +219,7 @@ class Health(Message, frozen=True, tag="health"):
     """How well the monitor hears, every second and when it stops or begins to hear."""
 
     t: float
-    state: Literal["starting", "hearing", "not_hearing", "finished"]
+    state: Literal["hearing", "not_hearing", "finished"]
     samples_in: int
     lost: int
     overflows: int

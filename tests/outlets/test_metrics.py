@@ -69,7 +69,7 @@ def test_every_count_of_the_health_message_arrives(metrics, messages):
     assert values["chatter_monitor_latency_seconds", ("quantile", "0.5")] == pytest.approx(0.0045)
     assert values["chatter_monitor_latency_seconds", ("quantile", "0.99")] == pytest.approx(0.0125)
     states = {key[1][1]: value for key, value in values.items() if key[0] == "chatter_monitor_health_state"}
-    assert states == {"starting": 0, "hearing": 1, "not_hearing": 0, "finished": 0}
+    assert states == {"hearing": 1, "not_hearing": 0, "finished": 0}
 
 
 def test_a_verdict_is_one_of_its_states(metrics, messages):
