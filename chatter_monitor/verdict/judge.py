@@ -18,8 +18,14 @@ from chatter_monitor.verdict.vibrations import Followed, Rules, at_rest, follow_
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 
-# Weight of an interval in the average of the synchronous share: half a second of intervals.
-AVERAGING = 0.1
+# From this share of the power on, what turns with the spindle comes before a warning.
+MOST = 0.5
+# How far what is heard as forced may be from what is: on development cuts the odds of being forced grow e-fold with it.
+SHARE_DOUBT = 0.2
+# By so much the share may be below the border before what was called forced is not any more, and the other way round.
+HYSTERESIS = 0.05
+# Weight of an interval in the average of the shares: a second of intervals.
+AVERAGING = 0.05
 
 # Relative distance within which frequencies belong to one vibration.
 SAME_VIBRATION = 0.1
@@ -46,7 +52,8 @@ class JudgeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     certainty : float
         Probability with which damping or margin has to be below its threshold.
     forced_share : float
-        Share of the power from which on the vibration is forced.
+        Share of the power that is heard as forced from which on the cut is more likely forced than not. Only what is
+        steady is heard as such, about half of what teeth do.
     idle_ratio : float
         Below this share of the loudest level of the last minute, nothing is being cut.
     """
@@ -57,7 +64,7 @@ class JudgeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     approaching_damping: Positive = 0.003
     approaching_margin_percent: Positive = 15.0
     certainty: Probability = 0.9
-    forced_share: Probability = 0.5
+    forced_share: Probability = 0.27
     idle_ratio: Probability = 0.003
 
     def __post_init__(self) -> None:
@@ -80,12 +87,18 @@ class Memory:
     vibrations : tuple of Followed
         What each vibration is, the most suspicious first.
     synchronous : float
-        Share of the power that turns with the spindle, averaged over the last half second.
+        Share of the power that turns with the spindle, averaged over the last second.
+    steady : float
+        Share of the power in other lines that are forced, averaged likewise.
+    forced : bool
+        Whether the last interval was called forced.
     """
 
     loudest: float = 0.0
     vibrations: tuple[Followed, ...] = ()
     synchronous: float = 0.0
+    steady: float = 0.0
+    forced: bool = False
 
     @property
     def alarm(self) -> Followed | None:
@@ -109,32 +122,40 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     if alarm is not None:
         return Opinion("self_excited", alarm.self_excited, _why_chatter(alarm), alarm.heard)
     suspect = next((v for v in memory.vibrations if v.heard is not None), None)
-    doubt = 1.0 - max((v.self_excited for v in memory.vibrations), default=0.0)
-    if memory.synchronous > settings.forced_share:
-        return Opinion("forced", doubt, _why_forced(evidence))
+    calm = 1.0 - max((v.self_excited for v in memory.vibrations), default=0.0)
+    share, strongest = memory.synchronous + memory.steady, _strongest_forced(memory)
+    forced = 1.0 / (1.0 + math.exp((settings.forced_share - share) / SHARE_DOUBT))
+    if memory.synchronous > MOST:
+        return Opinion("forced", calm * forced, _why_forced(evidence))
     if suspect is not None and suspect.self_excited >= settings.warning_probability:
         why = f"{_line(suspect)} begins to grow by itself; not certain yet"
-        return Opinion("approaching", doubt, (why,), suspect.heard)
-    forced = [(v, v.heard.line.share) for v in memory.vibrations if v.heard is not None and v.forced > 0.5]
-    if forced and memory.synchronous + sum(share for _, share in forced) > settings.forced_share:
-        strongest, _ = max(forced, key=lambda pair: pair[1])
-        return Opinion("forced", strongest.forced, _why_steady(strongest), strongest.heard)
-    return _stable_or_near(evidence, memory, doubt, settings)
+        return Opinion("approaching", calm, (why,), suspect.heard)
+    if share > settings.forced_share + (-HYSTERESIS if memory.forced else HYSTERESIS):
+        if strongest is None or memory.synchronous > memory.steady:
+            return Opinion("forced", calm * forced, _why_forced(evidence))
+        return Opinion("forced", calm * forced, _why_steady(strongest), strongest.heard)
+    return _stable_or_near(evidence, memory, calm * (1.0 - forced), settings)
 
 
-def _stable_or_near(evidence: Evidence, memory: Memory, doubt: float, settings: JudgeSettings) -> Opinion:
+def _strongest_forced(memory: Memory) -> Followed | None:
+    """Of the vibrations that are heard and more likely forced than not, the one with most power."""
+    forced = [(v.heard.line.share, v) for v in memory.vibrations if v.heard is not None and v.forced > 0.5]
+    return max(forced, key=lambda pair: pair[0], default=(0.0, None))[1]
+
+
+def _stable_or_near(evidence: Evidence, memory: Memory, sure: float, settings: JudgeSettings) -> Opinion:
     """Among what neither is chatter nor forced: how much is left."""
     margin, mode = evidence.margin, evidence.critical
     if margin.margin_ci95 is not None and margin.margin_ci95[1] < settings.approaching_margin_percent:
         why = f"only {max(margin.margin_percent or 0.0, 0.0):.0f} % more depth before it chatters"
         return Opinion("approaching", settings.certainty, (why,))
     if mode is None:
-        return Opinion("stable", doubt, ("no mode stands out",))
+        return Opinion("stable", sure, ("no mode stands out",))
     near = probability_below(mode, settings.approaching_damping)
     where = f"damping {_percent(mode)} at {mode.frequency_hz:.0f} Hz"
     if near >= settings.certainty and not _is_forced(mode, memory):
         return Opinion("approaching", near, (where,))
-    return Opinion("stable", doubt, (where,))
+    return Opinion("stable", sure, (where,))
 
 
 def _is_forced(mode: ModeEvidence, memory: Memory) -> bool:
@@ -219,14 +240,21 @@ class Judge:
         else:
             memory = self._follow(memory, evidence)
             view = opinion(evidence, memory, settings)
-        self._memory = memory
+        self._memory = replace(memory, forced=view.state == "forced")
         return self._record(view, evidence, first_sample, samples, sample_rate_hz)
 
     def _follow(self, memory: Memory, evidence: Evidence) -> Memory:
         """Follow what an interval shows."""
         rules = Rules(self._settings.alarm_probability, self._settings.calm_probability)
-        synchronous = memory.synchronous + AVERAGING * (evidence.orders.synchronous_share - memory.synchronous)
-        return replace(memory, vibrations=follow_all(memory.vibrations, evidence, rules), synchronous=synchronous)
+        vibrations = follow_all(memory.vibrations, evidence, rules)
+        now = evidence.orders.synchronous_share
+        steady = sum(v.forced * v.heard.line.share for v in vibrations if v.heard is not None and v.forced > 0.5)
+        return replace(
+            memory,
+            vibrations=vibrations,
+            synchronous=memory.synchronous + AVERAGING * (now - memory.synchronous),
+            steady=memory.steady + AVERAGING * (min(steady, 1.0 - now) - memory.steady),
+        )
 
     def _hear(self, level: float) -> Memory:
         """Take note of how loud it is."""

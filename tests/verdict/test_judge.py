@@ -14,7 +14,7 @@ from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration
 from chatter_monitor.verdict.judge import DEAF, Judge, JudgeSettings, Memory, opinion
-from chatter_monitor.verdict.kinds import PRIOR, Kinds
+from chatter_monitor.verdict.kinds import Kinds
 from chatter_monitor.verdict.vibrations import Followed
 
 HZ = 1067.0
@@ -275,7 +275,7 @@ def test_thresholds_are_those_of_the_settings():
     assert states(evidence(critical=mode(0.0025)), certainty=0.8) == ["approaching"]
     near = evidence(margin=Margin(margin_percent=20.0, margin_ci95=(15.0, 25.0)))
     assert states(near) + states(near, approaching_margin_percent=30.0) == ["stable", "approaching"]
-    assert states(*[evidence(steady(share=0.1))] * 60, forced_share=0.05)[-1] == "forced"
+    assert states(*[evidence(steady(share=0.2))] * 60, forced_share=0.05)[-1] == "forced"
     assert states(CALM, evidence(rms=0.05), idle_ratio=0.1)[-1] == "idle"
 
 
@@ -300,16 +300,22 @@ def test_changed_thresholds_keep_what_is_remembered():
         (Kinds(0.05, 0.9, 0.03, 0.02), 1.0, 3, "self_excited", 0.93),
         (Kinds(0.05, 0.9, 0.05, 0.0), 0.9, 3, "self_excited", 0.855),
         (Kinds(0.6, 0.2, 0.0, 0.2), 1.0, 0, "approaching", 0.8),
-        (Kinds(0.1, 0.0, 0.0, 0.9), 1.0, 0, "forced", 0.9),
-        (Kinds(0.0, 0.0, 1.0, 0.0), 0.05, 0, "forced", 0.95),
-        (PRIOR, 1.0, 0, "stable", 1.0 - 4e-4),
     ],
 )
-def test_confidence_is_the_probability_that_the_state_is_right(kinds, unexplained, alarm_for, state, confidence):
+def test_an_alarm_is_as_sure_as_the_chain(kinds, unexplained, alarm_for, state, confidence):
     """An opinion is as sure as it is that the vibration has risen and that nothing that turns explains it."""
     vibration = Followed(HZ, kinds, unexplained=unexplained, alarm_for=alarm_for, heard=steady())
     view = opinion(evidence(steady()), Memory(1.0, (vibration,)), JudgeSettings())
     assert (view.state, view.confidence) == (state, pytest.approx(confidence))
+
+
+def test_forced_and_stable_are_as_sure_as_the_share_is_far_from_the_border():
+    """At the border it is even; with all or nothing of the power forced it is nearly certain; it does not flicker."""
+    border = JudgeSettings().forced_share
+    views = [opinion(evidence(), Memory(1.0, (), share), JudgeSettings()) for share in (0.0, border, 0.45, 1.0)]
+    assert [view.state for view in views] == ["stable", "stable", "forced", "forced"]
+    assert [view.confidence for view in views] == pytest.approx([0.79, 0.5, 0.71, 0.975], abs=0.01)
+    assert opinion(evidence(), Memory(1.0, (), border - 0.04, forced=True), JudgeSettings()).state == "forced"
 
 
 vibrations = st.lists(
