@@ -15,6 +15,8 @@ from chatter_monitor.records import Flag, State, Verdict
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration, probability_below, spindle_order
 from chatter_monitor.verdict.vibrations import Followed, Rules, at_rest, follow_all
 
+# States in which a cut has no margin: none is made, nothing is known, or there is nothing left of it.
+WITHOUT_MARGIN = ("idle", "unknown", "self_excited")
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 
@@ -282,7 +284,7 @@ class Judge:
             damping_ratio_ci95=(mode.damping_ratio - half, mode.damping_ratio + half) if mode is not None else None,
             order=None if frequency_hz is None else spindle_order(frequency_hz, evidence.orders),
             confidence=round(view.confidence, 4),
-            margin_percent=None if view.state in ("idle", "unknown") else evidence.margin.margin_percent,
+            margin_percent=None if view.state in WITHOUT_MARGIN else evidence.margin.margin_percent,
             reasons=list(view.reasons),
             flags=evidence.flags.names(),
         )

@@ -134,6 +134,9 @@ def test_the_alarm_tells_frequency_damping_and_why():
     assert verdict.confidence > 0.9
     assert verdict.reasons[0].startswith("the vibration at 1067 Hz")
     assert "by itself" in verdict.reasons[0]
+    room = Margin(margin_percent=40.0, margin_ci95=(30.0, 50.0))
+    before, alarm = judged(evidence(margin=room), *ONSET[40:], evidence(growing(), margin=room))[:: len(ONSET) - 39]
+    assert (before.margin_percent, alarm.state, alarm.margin_percent) == (40.0, "self_excited", None)
 
 
 def test_the_alarm_stays_while_the_vibration_does():
