@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTHON ?= python3
 
-.PHONY: demo test test-fast check bench paper pictures recordings setup clean install-service uninstall-service
+.PHONY: demo test test-fast check docs bench paper pictures recordings setup clean install-service uninstall-service
 
 demo: $(READY)
 	$(BIN)/chatter-monitor replay replay_data/bar_turning.flac --config config/lathe.toml
@@ -33,6 +33,11 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.memory --hours 1
 	$(BIN)/python -m benchmarks.margin
 	$(BIN)/python -m benchmarks.dashboard
+
+# The documentation, in build/docs; a link that leads nowhere is an error.
+docs: $(READY)
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -d build/doctrees docs build/docs
+	@echo "Open build/docs/index.html"
 
 # The figures of the paper with the numbers beside them, in docs/paper.
 paper: $(READY)

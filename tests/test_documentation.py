@@ -1,0 +1,57 @@
+"""The pages of docs/: they build, and a link that leads nowhere fails the build."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+
+
+def build(source: Path, out: Path) -> subprocess.CompletedProcess[str]:
+    """Build pages as `make docs` does."""
+    recipe = re.search(
+        r"\$\(BIN\)/python (-m sphinx .*) docs build/docs$", (ROOT / "Makefile").read_text(), re.MULTILINE
+    )
+    assert recipe is not None
+    options = recipe[1].replace("build/doctrees", str(out.with_suffix(".doctrees"))).split()
+    command = [sys.executable, *options, "-c", str(DOCS), str(source), str(out)]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_the_pages_build_without_a_warning(tmp_path: Path) -> None:
+    """`make docs` builds every page, and no link leads nowhere."""
+    done = build(DOCS, tmp_path / "pages")
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    pages = {page.relative_to(tmp_path / "pages") for page in (tmp_path / "pages").rglob("*.html")}
+    assert {page.relative_to(DOCS).with_suffix(".html") for page in DOCS.rglob("*.md")} <= pages
+    assert "What you see" in (tmp_path / "pages" / "readme.html").read_text()
+
+
+LINKS_TO_NOTHING = [
+    "[x](nowhere.md)",
+    "[x](index.md#nowhere)",
+    "[x](#nowhere)",
+    "[x](../config/nowhere.toml)",
+    "![x](nowhere.png)",
+]
+
+
+@pytest.mark.parametrize("link", LINKS_TO_NOTHING)
+def test_a_broken_link_fails_the_build(tmp_path: Path, link: str) -> None:
+    """A page, a heading, a file or a picture that is not there ends the build with the link's name."""
+    source = tmp_path / "docs"
+    source.mkdir()
+    (source / "file.toml").touch()
+    (source / "index.md").write_text("# Page\n\n[this](index.md#page), [that](file.toml)\n")
+    assert build(source, tmp_path / "right").returncode == 0
+    (source / "index.md").write_text(f"# Page\n\n{link}\n")
+    done = build(source, tmp_path / "wrong")
+    assert done.returncode != 0
+    assert "nowhere" in done.stderr
