@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
@@ -17,8 +17,9 @@ from chatter_monitor.outlets.dashboard.diagnosis import draw_diagnosis
 from chatter_monitor.outlets.dashboard.drawing import Drawing
 from chatter_monitor.outlets.dashboard.place import Place, Shown, open_place
 from chatter_monitor.outlets.dashboard.screen import Screen
+from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.wire import Header
-from chatter_monitor.records import Event, Health, OdpFrame, SignalFrame, Verdict
+from chatter_monitor.records import Event, Health, Odp, OdpFrame, SignalFrame, Verdict
 from chatter_monitor.service.replay import Replay
 
 # What the dashboard subscribes to.
@@ -87,42 +88,55 @@ def show_recording(file: Path, settings: Settings, place: Place, say: Say) -> No
     with Recording(file) as recording:
         seconds = LONGEST_SPAN_S if recording.length is None else recording.length / recording.sample_rate_hz
     span_s = min(max(seconds, SHORTEST_SPAN_S), LONGEST_SPAN_S)
-    with _terminable(), open_place(place, file.name, "recording") as shown:
-        with Drawing(Screen(shown.stream, span_s)) as drawing:
-            Replay(file=file, settings=settings, witnesses=(drawing,)).run()
-        _stay(shown, str(file), say)
+    with _until_told() as told, open_place(place, file.name, "recording") as shown:
+        with suppress(_Told), Drawing(Screen(shown.stream, span_s)) as drawing:
+            Replay(file=file, settings=settings, witnesses=(drawing, _Leaving(told))).run()
+        _stay(shown, str(file), say, told)
 
 
 def show_diagnosis(directory: Path, place: Place, say: Say) -> None:
     """Show a diagnosis; with a viewer, wait until it is closed."""
-    with open_place(place, f"diagnosis {directory.name}", "recording") as shown:
+    with _until_told() as told, open_place(place, f"diagnosis {directory.name}", "recording") as shown:
         draw_diagnosis(shown.stream, directory)
         shown.stream.close()
-        _stay(shown, str(directory), say)
+        _stay(shown, str(directory), say, told)
 
 
-def _stay(shown: Shown, what: str, say: Say) -> None:
+def _stay(shown: Shown, what: str, say: Say, told: Callable[[], bool]) -> None:
     """Serve the viewers until the one that was opened is closed, or the process is told to stop."""
-    if shown.address is None:
+    if shown.address is None or told():
         return
     say(f"showing {what} at {shown.address}")
-    with _until_told() as told:
-        while shown.watched() and not told():
-            time.sleep(PATIENCE_S)
+    while shown.watched() and not told():
+        time.sleep(PATIENCE_S)
 
 
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """Let SIGTERM end what is under way as an exception does, so that a viewer that was opened is closed."""
+class _Told(Exception):
+    """The process was told to stop."""
 
-    def leave(_number: int, _frame: FrameType | None) -> None:
-        raise SystemExit(128 + signal.SIGTERM)
 
-    before = signal.signal(signal.SIGTERM, leave)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+class _Leaving(Outlet):
+    """Ends a replay at its next interval once the process was told to stop.
+
+    A signal handler that raised would not do: what it raises is lost where Python runs inside of a C library, such as
+    the loader of the compiled kernels.
+    """
+
+    def __init__(self, told: Callable[[], bool]) -> None:
+        self._told = told
+
+    def frame(self, frame: OdpFrame, odp: Odp) -> None:  # noqa: ARG002  only its coming matters
+        """Leave, if told to."""
+        if self._told():
+            raise _Told
+
+    def message(self, message: Verdict | Event | Health) -> None:  # noqa: ARG002  frames come as often
+        """Need nothing."""
+        return
+
+    def close(self) -> None:
+        """Hold nothing."""
+        return
 
 
 @contextmanager

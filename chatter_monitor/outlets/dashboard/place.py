@@ -22,6 +22,9 @@ LOOPBACK = "127.0.0.1"
 # The program itself: what `python -m rerun` starts would outlive it.
 VIEWER = str(Path(rerun_cli.__file__).parent / "rerun")
 
+# A viewer that has not gone by then is killed: it has nothing to lose.
+VIEWER_LEAVES_S = 5.0
+
 Viewer = Literal["window", "browser", "none"]
 
 
@@ -71,7 +74,11 @@ class Shown:
         """Close the viewer that was opened."""
         if self._viewer is not None and self._viewer.poll() is None:
             self._viewer.terminate()
-            self._viewer.wait()
+            try:
+                self._viewer.wait(VIEWER_LEAVES_S)
+            except subprocess.TimeoutExpired:
+                self._viewer.kill()
+                self._viewer.wait()
 
 
 @contextmanager
