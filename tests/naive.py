@@ -6,9 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 from scipy.stats import linregress
 
-from chatter_monitor.kernels import lines, rarma
+from chatter_monitor.kernels import lines, rarma, vibrations
+from chatter_monitor.kernels.kinds import CONVINCING, PRIOR, Chain, measures
 
 
 @dataclass
@@ -144,3 +146,91 @@ def rise(reliefs: NDArray[np.float64], levels: NDArray[np.float64], b: int) -> f
     """
     heights = reliefs[levels > levels[-1] - 5.8, b - 1 : b + 2].max(axis=1)
     return float(0.5 * (heights[-1] - np.sort(heights)[len(heights) // 2]))
+
+
+@dataclass
+class NaiveVibration:
+    """A vibration from interval to interval, by the rules of decision 13, with the chain as a matrix."""
+
+    hertz: float
+    odds: float
+    kinds: NDArray[np.float64] = field(default_factory=lambda: np.array(PRIOR))
+    rose_from: str | None = None
+    alarm_for: int = 0
+    chattered: bool = False
+    missed: int = 0
+    unexplained: float = 0.0
+
+    @property
+    def self_excited(self) -> float:
+        return float(self.kinds[1] + self.kinds[2]) * self.unexplained
+
+    def is_it(self, line: np.void) -> bool:
+        away = abs(np.log(line["frequency_hz"] / self.hertz))
+        return bool(away < max(vibrations.SAME_VIBRATION, vibrations.LINE_WIDTH_HZ / self.hertz))
+
+    def interval(self, line: np.void | None, rules: vibrations.Rules, weights: NDArray[np.float64]) -> None:
+        seen = np.array(vibrations.NOT_HEARD)
+        self.missed += 1
+        if line is not None:
+            self.missed, self.hertz = 0, line["frequency_hz"]
+            self.odds += vibrations.AVERAGING * (line["order_odds"] - self.odds)
+            self.rose_from = self.risen_from(line)
+            seen = self.likeness(line, weights)
+        self.kinds = self.forward(seen, rules.chain)
+        risen = self.kinds[1] + self.kinds[2]
+        bias = rules.odds.new if self.rose_from == "nothing" else rules.odds.heard
+        self.unexplained = float(expit(self.odds + bias))
+        before = self.alarm_for
+        alarm = self.self_excited >= (rules.calm_probability if before else rules.alarm_probability)
+        self.alarm_for = before + 1 if alarm else 0
+        self.chattered |= alarm
+        if before and not alarm and risen < 0.5:
+            self.kinds, self.rose_from = np.array(vibrations.CALMED), None
+
+    def risen_from(self, line: np.void) -> str | None:
+        if self.chattered:
+            return "something"
+        rises = line["long_rise"] >= vibrations.RISEN
+        if self.rose_from is not None and (rises or self.kinds[1] + self.kinds[2] >= vibrations.OVER):
+            return self.rose_from
+        return None if not rises else "nothing" if line["usual_db"] < vibrations.UNHEARD_DB else "something"
+
+    def likeness(self, line: np.void, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        if self.chattered and line["long_rise"] < vibrations.DIED_DOWN:
+            return np.full(2, -CONVINCING)
+        seen = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
+        coherent = vibrations.COHERENT_IF_NEW if self.rose_from == "nothing" else vibrations.COHERENT
+        if line["coherence"] < coherent:
+            seen[0] = min(seen[0], 0.0)
+        return seen
+
+    def forward(self, seen: NDArray[np.float64], chain: Chain) -> NDArray[np.float64]:
+        change = np.zeros((4, 4))  # from noise, growing, saturated, steady
+        change[0, 1], change[0, 2 if self.chattered else 3] = chain.begins_to_grow, chain.begins_steady
+        change[1, 0], change[1, 2] = chain.dies_while_growing, chain.saturates
+        change[2, 0] = chain.ends
+        change[3, 0], change[3, 1] = chain.ends, chain.grows_when_steady
+        change += np.diag(1.0 - change.sum(axis=1))
+        likelihood = np.exp(chain.evidence * np.array([0.0, seen[0], seen[1], seen[1]]))
+        posterior = self.kinds @ change * likelihood
+        return np.asarray(posterior / posterior.sum())
+
+
+def follow_all(
+    before: list[NaiveVibration], lines: list[np.void], rules: vibrations.Rules, weights: NDArray[np.float64]
+) -> list[NaiveVibration]:
+    """Vibrations after another interval, the most suspicious first: they choose their lines in that order."""
+    left = list(lines)
+    for vibration in before:
+        nearest = min(left, key=lambda line: abs(np.log(line["frequency_hz"] / vibration.hertz)), default=None)
+        if nearest is not None and vibration.is_it(nearest):
+            left.remove(nearest)
+            vibration.interval(nearest, rules, weights)
+        else:
+            vibration.interval(None, rules, weights)
+    for line in left:
+        before.append(NaiveVibration(line["frequency_hz"], line["order_odds"]))
+        before[-1].interval(line, rules, weights)
+    limits = (vibrations.FORGOTTEN, vibrations.FORGOTTEN_CHATTER)
+    return sorted((v for v in before if v.missed < limits[v.chattered]), key=lambda v: -v.self_excited)

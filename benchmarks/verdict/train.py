@@ -1,4 +1,4 @@
-"""Weights of `verdict.kinds`, from cuts of the development split: ``python -m benchmarks.verdict.train``.
+"""Weights of `kernels.kinds`, from cuts of the development split: ``python -m benchmarks.verdict.train``.
 
 Every line of every interval is an example of one of three classes: growth (the vibration of an unstable cut while it
 rises out of its surroundings), calm (something coherent and steady, forced or saturated), noise (everything else). A
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,8 @@ from scipy.optimize import minimize
 
 from benchmarks.verdict.cache import cached_cuts
 from benchmarks.verdict.cut import Cut, Label
+from chatter_monitor.kernels.kinds import measures
+from chatter_monitor.kernels.vibrations import Odds, Rules
 from chatter_monitor.tracking.channel import Channel
 from chatter_monitor.tracking.orders import OrderSettings
 from chatter_monitor.tracking.spindle import SpindleSettings
@@ -27,8 +28,7 @@ from chatter_monitor.tracking.tracker import TrackerSettings
 from chatter_monitor.verdict import weights
 from chatter_monitor.verdict.evidence import Evidence, weigh
 from chatter_monitor.verdict.judge import JudgeSettings
-from chatter_monitor.verdict.kinds import measures
-from chatter_monitor.verdict.vibrations import Followed, Rules, at_rest, follow_all
+from chatter_monitor.verdict.vibrations import Following, lines_of
 
 NOISE, GROWTH, CALM = range(3)
 MEASURES = ("prominence", "share", "coherence", "variation", "rise", "long_rise", "decay", "growth", "log_damping")
@@ -65,24 +65,23 @@ def examples(cut: Cut, intervals: list[Evidence]) -> Iterator[Example]:
         age = truth.start_s - stretch.zero_s
         since = np.where(age >= 0.0, np.minimum(since, age), since)
     for i, evidence in enumerate(intervals[: len(truth)]):
-        for vibration in () if evidence.starting else evidence.vibrations:
-            line = vibration.line
-            own = abs(np.log(line.frequency_hz / truth.frequency_hz[i])) < SAME_VIBRATION
+        for line in () if evidence.starting else lines_of(evidence, Odds()):
+            own = abs(np.log(line["frequency_hz"] / truth.frequency_hz[i])) < SAME_VIBRATION
             calm = (
-                line.coherence > CALM_COHERENCE
-                and line.variation < CALM_VARIATION
-                and abs(line.rise) < CALM_RISE
-                and line.prominence_db > CALM_PROMINENCE_DB
+                line["coherence"] > CALM_COHERENCE
+                and line["variation"] < CALM_VARIATION
+                and abs(line["rise"]) < CALM_RISE
+                and line["prominence_db"] > CALM_PROMINENCE_DB
             )
             kind = None
-            if truth.damping_ratio[i] < 0.0 and own and max(line.rise, line.long_rise) > GROWING_RISE:
+            if truth.damping_ratio[i] < 0.0 and own and max(line["rise"], line["long_rise"]) > GROWING_RISE:
                 kind = GROWTH if since[i] < GROWING_S else None
             elif truth.label[i] == Label.SELF_EXCITED:
                 kind = CALM if own and calm else None
             elif truth.label[i] in (Label.OTHER, Label.FORCED):
                 kind = CALM if calm else NOISE
             if kind is not None:
-                yield measures(line, vibration.damping_ratio), kind
+                yield measures(line), kind
 
 
 def fit(x: NDArray[np.float64], kind: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -114,14 +113,13 @@ def fit(x: NDArray[np.float64], kind: NDArray[np.int64]) -> NDArray[np.float64]:
 
 def alarms(intervals: list[Evidence], rules: Rules) -> NDArray[np.bool_]:
     """Intervals that are called self-excited, but for idling, which only ever ends an alarm."""
-    vibrations: tuple[Followed, ...] = ()
+    following = Following()
     found = np.zeros(len(intervals), bool)
     for i, evidence in enumerate(intervals):
         if evidence.held:
-            vibrations = at_rest(vibrations)
+            following.rest()
         elif not evidence.starting:
-            vibrations = follow_all(vibrations, evidence, rules)
-            found[i] = any(vibration.alarm_for for vibration in vibrations)
+            found[i] = any(vibration.alarm_for for vibration in following.follow(evidence, rules))
     return found
 
 
@@ -133,12 +131,11 @@ def variations() -> Iterator[tuple[str, Rules]]:
     for name in ("evidence", "begins_to_grow", "grows_when_steady", "begins_steady", "saturates", "ends"):
         for factor in (0.5, 1.5) if name == "evidence" else (0.1, 10.0) if name != "saturates" else (0.3, 3.0):
             value = factor * getattr(rules.chain, name)
-            yield f"{name} {value:.2g}", replace(rules, chain=replace(rules.chain, **{name: value}))
-    for field in fields(rules.odds):
+            yield f"{name} {value:.2g}", rules._replace(chain=rules.chain._replace(**{name: value}))
+    for name, old in rules.odds._asdict().items():
         for step in (-1.0, 1.0):
-            old = getattr(rules.odds, field.name)
-            value = old * 2.0**step if field.name == "forced_off_orders" else old + step
-            yield f"{field.name} {value:.2g}", replace(rules, odds=replace(rules.odds, **{field.name: value}))
+            value = old * 2.0**step if name == "forced_off_orders" else old + step
+            yield f"{name} {value:.2g}", rules._replace(odds=rules.odds._replace(**{name: value}))
 
 
 def search(heard: list[Heard]) -> None:

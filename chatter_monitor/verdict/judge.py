@@ -11,9 +11,10 @@ from typing import Annotated
 
 import msgspec
 
+from chatter_monitor.kernels.vibrations import Rules
 from chatter_monitor.records import Flag, State, Verdict
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration, probability_below, spindle_order
-from chatter_monitor.verdict.vibrations import Followed, Rules, at_rest, follow_all
+from chatter_monitor.verdict.vibrations import Followed, Following
 
 # States in which a cut has no margin: none is made, nothing is known, or there is nothing left of it.
 WITHOUT_MARGIN = ("idle", "unknown", "self_excited")
@@ -222,6 +223,7 @@ class Judge:
         self._channel = channel
         self._forgetting = 1.0 - interval_s / 60.0
         self._memory = Memory()
+        self._following = Following()
 
     def set_thresholds(self, settings: JudgeSettings) -> None:
         """Judge by other thresholds, from the next interval on; what is remembered stays."""
@@ -235,7 +237,7 @@ class Judge:
         if deaf:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif evidence.held or evidence.rms <= settings.idle_ratio * memory.loudest:
-            memory = replace(memory, vibrations=at_rest(memory.vibrations))
+            memory = replace(memory, vibrations=self._following.rest())
             view = Opinion("idle", 0.95, ("nothing moves" if evidence.held else "far below the level of cutting",))
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
@@ -248,7 +250,7 @@ class Judge:
     def _follow(self, memory: Memory, evidence: Evidence) -> Memory:
         """Follow what an interval shows."""
         rules = Rules(self._settings.alarm_probability, self._settings.calm_probability)
-        vibrations = follow_all(memory.vibrations, evidence, rules)
+        vibrations = self._following.follow(evidence, rules)
         now = evidence.orders.synchronous_share
         steady = sum(v.forced * v.heard.line.share for v in vibrations if v.heard is not None and v.forced > 0.5)
         return replace(

@@ -1,4 +1,4 @@
-"""Weights of the logistic regression in `verdict.kinds`; made by ``python -m benchmarks.verdict.train``."""
+"""Weights of the logistic regression in `kernels.kinds`; made by ``python -m benchmarks.verdict.train``."""
 
 from __future__ import annotations
 

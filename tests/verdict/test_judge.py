@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from chatter_monitor.kernels.kinds import Kinds
 from chatter_monitor.records import Flag
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration
 from chatter_monitor.verdict.judge import DEAF, Judge, JudgeSettings, Memory, opinion
-from chatter_monitor.verdict.kinds import Kinds
 from chatter_monitor.verdict.vibrations import Followed
 
 HZ = 1067.0

@@ -1,7 +1,7 @@
 """What a vibration is, from how its line behaves: a hidden Markov chain of four kinds.
 
-Noise drives it (`NOISE`), it grows by itself (`GROWING`), it has grown and is limited by the tool leaving the cut
-(`SATURATED`), or something forces it (`FORCED`). Saturated chatter and a forced line look the same: narrow, coherent,
+Noise drives it (`noise`), it grows by itself (`growing`), it has grown and is limited by the tool leaving the cut
+(`saturated`), or something forces it (`steady`). Saturated chatter and a forced line look the same: narrow, coherent,
 steady. What tells them apart is how they came about. A line that was seen to grow out of its surroundings by itself
 goes on being self-excited for as long as it stays, whatever its damping reads by then (MATHS section 3); one that was
 there from the start, or that came where an order of the spindle is, is forced.
@@ -10,22 +10,39 @@ The likelihoods of a frame come from a logistic regression on the line's measure
 that overlap in their history are no independent evidence, so only a share of the logarithm of the likelihood counts.
 """
 
-from __future__ import annotations
-
 import math
-import operator
-from dataclasses import dataclass
 from typing import NamedTuple
 
-from chatter_monitor.tracking.spectrum import Line
-from chatter_monitor.verdict.weights import CALM, GROWTH
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels.options import OPTIONS
 
 # No single frame says more than this.
 CONVINCING = 8.0
 
+MEASURES = 9
 
-@dataclass(frozen=True, slots=True)
-class Chain:
+# A line of the short-time spectrum (`tracking.spectrum.Line`), with the damping ratio of the tracker's mode at it, or
+# its own where there is none, and its log odds for self-excitation by its place among the orders.
+LINE = np.dtype(
+    [
+        ("frequency_hz", float),
+        ("share", float),
+        ("prominence_db", float),
+        ("variation", float),
+        ("growth_per_s", float),
+        ("rise", float),
+        ("long_rise", float),
+        ("usual_db", float),
+        ("coherence", float),
+        ("damping_ratio", float),
+        ("order_odds", float),
+    ]
+)
+
+
+class Chain(NamedTuple):
     """Constants of the chain, chosen on development cuts; `benchmarks.verdict.train` shows what others would do.
 
     Attributes
@@ -43,9 +60,6 @@ class Chain:
     saturates: float = 0.1
     dies_while_growing: float = 0.1
     ends: float = 3e-3
-
-
-CHAIN = Chain()
 
 
 class Kinds(NamedTuple):
@@ -66,24 +80,26 @@ class Kinds(NamedTuple):
 PRIOR = Kinds(noise=0.98, growing=2e-4, saturated=2e-4, steady=0.0196)
 
 
-@dataclass(frozen=True, slots=True)
-class Likeness:
+class Likeness(NamedTuple):
     """Logarithm of the likelihood of a frame under growth, and under a calm coherent line, over that under noise."""
 
     growth: float
     calm: float
 
 
-def measures(line: Line, damping_ratio: float | None) -> tuple[float, ...]:
-    """Bounded measures of a line, in the order of the weights.
+NOTHING = Likeness(-CONVINCING, -CONVINCING)
+
+
+@njit(**OPTIONS)
+def measures(line):
+    """Bounded measures of a line, a record of `LINE`, in the order of the weights.
 
     Prominence (10 dB), log odds of the share of power, coherence after 25 ms (as -log(1 - c)), variation of the
     amplitude, rise within one second and within eight (natural logarithm), decay and growth (as damping ratios in
-    percent), logarithm of the damping ratio that the tracker reads, or the loss of coherence where it has no mode.
+    percent), logarithm of the damping ratio.
     """
     share = min(max(line.share, 0.01), 0.99)
     growth = line.growth_per_s / (2.0 * math.pi * line.frequency_hz)
-    damping = line.damping_ratio if damping_ratio is None else damping_ratio
     return (
         min(max(line.prominence_db, 0.0), 40.0) / 10.0,
         math.log(share / (1.0 - share)),
@@ -93,24 +109,41 @@ def measures(line: Line, damping_ratio: float | None) -> tuple[float, ...]:
         min(max(line.long_rise, -1.5), 3.5),
         100.0 * min(max(growth, -0.02), 0.0),
         100.0 * min(max(growth, 0.0), 0.02),
-        math.log10(min(max(damping, 0.0), 0.1) + 0.001),
+        math.log10(min(max(line.damping_ratio, 0.0), 0.1) + 0.001),
     )
 
 
-def likeness(line: Line, damping_ratio: float | None) -> Likeness:
-    """How much the line looks like growth, and like something coherent and steady."""
-    x = measures(line, damping_ratio)
-    growth, calm = (sum(map(operator.mul, weights.per_measure, x)) + weights.offset for weights in (GROWTH, CALM))
-    return Likeness(_bounded(growth), _bounded(calm))
+@njit(**OPTIONS)
+def likeness(line, weights):
+    """How much a line looks like growth, and like something coherent and steady.
+
+    Parameters
+    ----------
+    line : record of `LINE`
+    weights : ndarray of float64, shape (2, MEASURES + 1)
+        Of growth and of calm: one for each measure, and what is added.
+    """
+    growth = 0.0
+    calm = 0.0
+    x = measures(line)
+    for i in range(MEASURES):
+        growth += weights[0, i] * x[i]
+        calm += weights[1, i] * x[i]
+    return Likeness(_bounded(growth + weights[0, MEASURES]), _bounded(calm + weights[1, MEASURES]))
 
 
-NOTHING = Likeness(-CONVINCING, -CONVINCING)
-
-
-def follow(before: Kinds, seen: Likeness, chain: Chain = CHAIN, *, again: bool = False) -> Kinds:
+@njit(**OPTIONS)
+def follow(before, seen, chain, again):
     """Probabilities after another frame: the forward recursion of the chain.
 
-    What has chattered before and is calm and coherent ``again`` is saturated, not steady from the start.
+    Parameters
+    ----------
+    before : Kinds
+    seen : Likeness
+        What the frame looks like.
+    chain : Chain
+    again : bool
+        Whether it has chattered before: what is calm and coherent then is saturated, not steady from the start.
     """
     noise, growing, saturated, steady = before
     begun, begun_when_steady = noise * chain.begins_to_grow, steady * chain.grows_when_steady
@@ -118,18 +151,21 @@ def follow(before: Kinds, seen: Likeness, chain: Chain = CHAIN, *, again: bool =
     grown = growing * chain.saturates
     ended_saturated, ended_steady = saturated * chain.ends, steady * chain.ends
     begun_calm = noise * chain.begins_steady
-    predicted = (
-        noise - begun - begun_calm + died + ended_saturated + ended_steady,
-        growing - died - grown + begun + begun_when_steady,
-        saturated - ended_saturated + grown + (begun_calm if again else 0.0),
-        steady - ended_steady - begun_when_steady + (0.0 if again else begun_calm),
-    )
+    noise += died + ended_saturated + ended_steady - begun - begun_calm
+    growing += begun + begun_when_steady - died - grown
+    saturated += grown - ended_saturated + (begun_calm if again else 0.0)
+    steady -= ended_steady + begun_when_steady - (0.0 if again else begun_calm)
+
     most = max(0.0, seen.growth, seen.calm)
-    likelihoods = [math.exp(chain.evidence * (log - most)) for log in (0.0, seen.growth, seen.calm, seen.calm)]
-    posterior = [probability * likelihood for probability, likelihood in zip(predicted, likelihoods, strict=True)]
-    total = sum(posterior)
-    return Kinds(*(probability / total for probability in posterior))
+    calm = math.exp(chain.evidence * (seen.calm - most))
+    noise *= math.exp(-chain.evidence * most)
+    growing *= math.exp(chain.evidence * (seen.growth - most))
+    saturated *= calm
+    steady *= calm
+    total = noise + growing + saturated + steady
+    return Kinds(noise / total, growing / total, saturated / total, steady / total)
 
 
-def _bounded(value: float) -> float:
+@njit(**OPTIONS)
+def _bounded(value):
     return min(max(value, -CONVINCING), CONVINCING)

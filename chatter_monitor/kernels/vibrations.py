@@ -1,0 +1,221 @@
+"""Each vibration of a channel from one interval to the next: the rules that `verdict.vibrations` tells about."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels.kinds import NOTHING, PRIOR, Chain, Kinds, Likeness, follow, likeness
+from chatter_monitor.kernels.options import OPTIONS
+
+# A line belongs to a vibration when it is this near, relatively or in Hz.
+SAME_VIBRATION = 0.06
+LINE_WIDTH_HZ = 25.0
+# What an interval says of a vibration that none of its prominent lines belongs to.
+NOT_HEARD = Likeness(-1.0, -1.0)
+# Intervals without a line after which it is forgotten; a minute if it has chattered, because it will again.
+FORGOTTEN, FORGOTTEN_CHATTER = 10, 1200
+# What grows by itself is coherent; noise that comes and goes is not. More so where nothing stood out before: a cut that
+# begins wakes modes that noise drives.
+COHERENT, COHERENT_IF_NEW = 0.6, 0.77
+UNHEARD_DB = 8.0
+RISEN = 0.7  # natural logarithm: to twice its usual amplitude
+OVER = 0.02  # probability of having risen below which that is forgotten
+# A vibration is over when its amplitude has fallen below half of what it was for seconds (natural logarithm): that of a
+# saturated one does not, whatever its damping reads.
+DIED_DOWN = -0.7
+
+# Of a vibration that has chattered and does no more.
+CALMED = Kinds(noise=1.0 - 6e-4, growing=2e-4, saturated=2e-4, steady=2e-4)
+# Weight of an interval in the average of the odds over half a second.
+AVERAGING = 0.2
+
+# What a vibration has risen out of: it has not, or something that stood out there before, or nothing that did.
+NOT_RISEN, HEARD_BEFORE, NEW = range(3)
+NO_LINE = -1
+
+# One vibration and what is known of it.
+VIBRATION = np.dtype(
+    [
+        ("frequency_hz", float),  # where it was heard last
+        ("noise", float),  # probability of each of the `Kinds`
+        ("growing", float),
+        ("saturated", float),
+        ("steady", float),
+        ("unexplained", float),  # probability that nothing that turns explains it, if it has risen
+        ("order_odds", float),  # log odds by its place among the orders, averaged over half a second
+        ("risen_from", np.int64),
+        ("alarm_for", np.int64),  # intervals since an alarm began that is about it; 0 without one
+        ("chattered", np.bool_),  # whether there has been one
+        ("missed", np.int64),  # intervals since its line was heard
+        ("line", np.int64),  # its line in this interval
+    ],
+    align=True,
+)
+
+
+class Odds(NamedTuple):
+    """Log odds that what has risen is self-excited; chosen like the constants of the chain.
+
+    Attributes
+    ----------
+    heard, new : float
+        Where something stood out before it rose, and where nothing did.
+    unknown_speed, off_found : float
+        Added where the speed is unknown, for forced lines may be anywhere, and off the orders of a comb that was found,
+        for it may be another machine's.
+    forced_off_orders : float
+        Share of forced lines that are off the orders.
+    """
+
+    heard: float = 3.0
+    new: float = 2.0
+    unknown_speed: float = -0.7
+    off_found: float = 1.5
+    forced_off_orders: float = 0.05
+
+
+class Rules(NamedTuple):
+    """What the following goes by: at which probability an alarm begins and ends, and the constants."""
+
+    alarm_probability: float
+    calm_probability: float
+    chain: Chain = Chain()
+    odds: Odds = Odds()
+
+
+@njit(**OPTIONS)
+def follow_all(before, lines, rules, weights, taken, after):
+    """Follow every vibration through an interval.
+
+    Parameters
+    ----------
+    before : ndarray of VIBRATION, shape (n,)
+        Vibrations so far; each takes the nearest line that those ahead of it have left.
+    lines : ndarray of LINE, shape (m,)
+        Prominent lines of the interval. What none has taken begins a vibration.
+    rules : Rules
+    weights : ndarray of float64
+        As in `kinds.likeness`.
+    taken : ndarray of bool, shape (m,)
+        Work space.
+    after : ndarray of VIBRATION, shape (n + m,)
+        The result, in the same order.
+
+    Returns
+    -------
+    int
+        How many there are.
+    """
+    taken[:] = False
+    count = 0
+    for i in range(before.shape[0]):
+        vibration = after[count]
+        after[count] = before[i]
+        vibration.line = _line_of(vibration, lines, taken)
+        if vibration.line == NO_LINE:
+            _unheard(vibration, rules)
+        else:
+            taken[vibration.line] = True
+            _heard(vibration, lines[vibration.line], rules, weights)
+        if vibration.missed < (FORGOTTEN_CHATTER if vibration.chattered else FORGOTTEN):
+            count += 1
+    for i in range(lines.shape[0]):
+        if not taken[i]:
+            vibration = after[count]
+            _begin(vibration, lines[i])
+            vibration.line = i
+            _heard(vibration, lines[i], rules, weights)
+            count += 1
+    return count
+
+
+@njit(**OPTIONS)
+def _line_of(vibration, lines, taken):
+    """The nearest of the lines that are left, if it is near enough."""
+    nearest = NO_LINE
+    distance = max(SAME_VIBRATION, LINE_WIDTH_HZ / vibration.frequency_hz)
+    for i in range(lines.shape[0]):
+        away = abs(math.log(lines[i].frequency_hz / vibration.frequency_hz))
+        if away < distance and not taken[i]:
+            nearest, distance = i, away
+    return nearest
+
+
+@njit(**OPTIONS)
+def _begin(vibration, line):
+    """A vibration that is heard for the first time."""
+    _set_kinds(vibration, PRIOR)
+    vibration.order_odds = line.order_odds
+    vibration.risen_from = NOT_RISEN
+    vibration.alarm_for = 0
+    vibration.chattered = False
+
+
+@njit(**OPTIONS)
+def _heard(vibration, line, rules, weights):
+    """An interval in which this line of a vibration was heard."""
+    vibration.missed = 0
+    vibration.frequency_hz = line.frequency_hz
+    vibration.order_odds += AVERAGING * (line.order_odds - vibration.order_odds)
+    vibration.risen_from = HEARD_BEFORE if vibration.chattered else _risen_from(vibration, line)
+    _another_interval(vibration, _likeness(vibration, line, weights), rules)
+
+
+@njit(**OPTIONS)
+def _unheard(vibration, rules):
+    """An interval in which none was."""
+    vibration.missed += 1
+    _another_interval(vibration, NOT_HEARD, rules)
+
+
+@njit(**OPTIONS)
+def _another_interval(vibration, seen, rules):
+    """Whether it has risen and stayed, whether something that turns explains it, and whether that is an alarm."""
+    kinds = follow(_kinds(vibration), seen, rules.chain, vibration.chattered)
+    risen = kinds.growing + kinds.saturated
+    odds = vibration.order_odds + (rules.odds.new if vibration.risen_from == NEW else rules.odds.heard)
+    vibration.unexplained = 1.0 / (1.0 + math.exp(-odds))
+    alarmed = vibration.alarm_for > 0
+    if risen * vibration.unexplained >= (rules.calm_probability if alarmed else rules.alarm_probability):
+        vibration.alarm_for += 1
+        vibration.chattered = True
+    else:
+        vibration.alarm_for = 0
+        if alarmed and risen < 0.5:  # what is over does not come back for want of evidence against it
+            kinds = CALMED
+            vibration.risen_from = NOT_RISEN
+    _set_kinds(vibration, kinds)
+
+
+@njit(**OPTIONS)
+def _risen_from(vibration, line):
+    """Kept from when it rose until that is over."""
+    rises = line.long_rise >= RISEN
+    if vibration.risen_from != NOT_RISEN and (rises or vibration.growing + vibration.saturated >= OVER):
+        return vibration.risen_from
+    if not rises:
+        return NOT_RISEN
+    return NEW if line.usual_db < UNHEARD_DB else HEARD_BEFORE
+
+
+@njit(**OPTIONS)
+def _likeness(vibration, line, weights):
+    """What a line says of its vibration."""
+    if vibration.chattered and line.long_rise < DIED_DOWN:
+        return NOTHING
+    seen = likeness(line, weights)
+    if line.coherence < (COHERENT_IF_NEW if vibration.risen_from == NEW else COHERENT):
+        return Likeness(min(seen.growth, 0.0), seen.calm)
+    return seen
+
+
+@njit(**OPTIONS)
+def _kinds(vibration):
+    return Kinds(vibration.noise, vibration.growing, vibration.saturated, vibration.steady)
+
+
+@njit(**OPTIONS)
+def _set_kinds(vibration, kinds):
+    vibration.noise, vibration.growing, vibration.saturated, vibration.steady = kinds

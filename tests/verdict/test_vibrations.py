@@ -1,0 +1,122 @@
+"""Each vibration by itself: the kernel against its naive twin, and what is promised of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from chatter_monitor.kernels.kinds import LINE
+from chatter_monitor.kernels.vibrations import FORGOTTEN, FORGOTTEN_CHATTER, VIBRATION, Rules, follow_all
+from chatter_monitor.records import Flag
+from chatter_monitor.tracking.margin import Margin
+from chatter_monitor.tracking.orders import Orders
+from chatter_monitor.tracking.spectrum import Line
+from chatter_monitor.verdict.evidence import Evidence, Vibration
+from chatter_monitor.verdict.vibrations import Following
+from tests import naive
+
+RULES = Rules(alarm_probability=0.8, calm_probability=0.5)
+# Rising and coherent is growth, coherent and steady is calm.
+WEIGHTS = np.array([[0, 0, 1, 0, 0, 4, 0, 0, 0, -6], [1, 0, 1, -9, 1, 0, 0, 0, 0, -2]], float)
+
+
+def shift(seed, intervals):
+    """Lines of intervals: some vibrations come and go, wander, rise and die down, in company of passing noise."""
+    rng = np.random.default_rng(seed)
+    centres_hz = rng.uniform(60.0, 3000.0, 4)
+    phases = rng.uniform(0.0, 200.0, 4)
+    for i in range(intervals):
+        rows = []
+        for centre_hz, phase in zip(centres_hz, phases, strict=True):
+            cycle = (i + phase) % 200.0
+            if cycle < 150.0:
+                rising = 3.0 if 20.0 < cycle < 60.0 else -1.0 if cycle > 130.0 else 0.0
+                rows.append(
+                    (
+                        centre_hz * (1.0 + 0.01 * rng.standard_normal()),
+                        0.2,
+                        25.0,
+                        0.1,
+                        0.0,
+                        0.5,
+                        rising,
+                        rng.choice([5.0, 15.0]),
+                        rng.uniform(0.7, 1.0),
+                        0.01,
+                        rng.normal(0.0, 1.5),
+                    )
+                )
+        for hertz in rng.uniform(50.0, 6000.0, rng.integers(0, 4)):
+            rows.append((hertz, 0.01, 8.0, 0.5, 0.0, 0.0, 0.0, 4.0, rng.uniform(0.0, 0.9), 0.03, -0.7))  # noqa: PERF401
+        yield np.array(rows, LINE)
+
+
+def followed(before, lines):
+    after = np.zeros(len(before) + len(lines), VIBRATION)
+    after = after[: follow_all(before, lines, RULES, WEIGHTS, np.empty(len(lines), bool), after)]
+    suspicion = (after["growing"] + after["saturated"]) * after["unexplained"]
+    return after[np.argsort(-suspicion, kind="stable")]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_following_is_that_of_the_twin(seed):
+    """Over a minute of lines that come and go every vibration has the twin's probabilities, alarms and memory."""
+    known, twins = np.zeros(0, VIBRATION), []
+    alarms = chattered = forgotten = 0
+    for lines in shift(seed, 1200):
+        count = len(twins)
+        known, twins = followed(known, lines), naive.follow_all(twins, list(lines), RULES, WEIGHTS)
+        forgotten += count + len(lines) - len(twins)
+        assert known["frequency_hz"].tolist() == [twin.hertz for twin in twins]
+        kinds = np.column_stack([known[name] for name in ("noise", "growing", "saturated", "steady")])
+        np.testing.assert_allclose(kinds, [twin.kinds for twin in twins], rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(known["unexplained"], [twin.unexplained for twin in twins], rtol=1e-9)
+        assert known["alarm_for"].tolist() == [twin.alarm_for for twin in twins]
+        assert known["chattered"].tolist() == [twin.chattered for twin in twins]
+        assert known["missed"].tolist() == [twin.missed for twin in twins]
+        alarms += np.sum(known["alarm_for"] == 1)
+        chattered += np.sum(known["chattered"] & (known["alarm_for"] == 0))
+    assert min(alarms, chattered, forgotten) > 0  # all of it has been tried
+
+
+@pytest.mark.parametrize(("chattered", "limit"), [(False, FORGOTTEN), (True, FORGOTTEN_CHATTER)])
+def test_what_is_not_heard_is_forgotten(chattered, limit):
+    """Half a second without its line and a vibration is forgotten; a minute if it has chattered."""
+    known = np.zeros(1, VIBRATION)
+    known["frequency_hz"], known["noise"], known["chattered"] = 1000.0, 1.0, chattered
+    for missed in range(1, limit):
+        known = followed(known, np.empty(0, LINE))
+        assert known["missed"].tolist() == [missed]
+    assert not len(followed(known, np.empty(0, LINE)))
+
+
+def interval(*frequencies_hz):
+    lines = [Line(hertz, 0.9, 35.0, 0.7, 60.0, 2.3, 3.0, 15.0, 0.99) for hertz in frequencies_hz]
+    vibrations = tuple(Vibration(line, None, on_order=False, by_chance=None) for line in lines)
+    orders = Orders(0, None, None, None, 0.0)
+    return Evidence(None, vibrations, orders, Margin(), held=False, starting=False, rms=1.0, flags=Flag.NONE)
+
+
+def test_each_is_told_with_the_line_that_is_its_own():
+    """However the lines are sorted, each vibration is told with the one near it, and with none when it is silent."""
+    following = Following()
+    following.follow(interval(500.0, 1000.0, 2000.0), RULES)
+    told = {round(v.frequency_hz): v.heard for v in following.follow(interval(2010.0, 505.0), RULES)}
+    assert {hertz: heard and heard.line.frequency_hz for hertz, heard in told.items()} == {
+        2010: 2010.0, 505: 505.0, 1000: None,
+    }  # fmt: skip
+
+
+def test_at_rest_only_chatter_is_remembered():
+    """While nothing is cut there is no alarm; only what has chattered is known when the cut goes on, for a minute."""
+    following = Following()
+    for _ in range(40):
+        following.follow(interval(1000.0), RULES)
+    assert following.follow(interval(1000.0, 300.0), RULES)[0].alarm_for
+    (known,) = following.rest()
+    assert (known.frequency_hz, known.alarm_for, known.heard) == (1000.0, 0, None)
+    assert known.kinds.noise > 0.99
+    for _ in range(FORGOTTEN_CHATTER - 1):
+        last = following.rest()
+    assert last
+    assert not following.rest()
