@@ -7,7 +7,7 @@ PYTHON ?= python3
 .PHONY: demo test test-fast check docs bench paper pictures recordings setup clean install-service uninstall-service
 
 demo: $(READY)
-	$(BIN)/chatter-monitor replay replay_data/bar_turning.flac --config config/lathe.toml
+	@$(BIN)/chatter-monitor replay replay_data/bar_turning.flac --config config/lathe.toml
 
 test: $(READY)
 	$(BIN)/python -m pytest

@@ -15,9 +15,8 @@ DOCS = ROOT / "docs"
 
 def build(source: Path, out: Path) -> subprocess.CompletedProcess[str]:
     """Build pages as `make docs` does."""
-    recipe = re.search(
-        r"\$\(BIN\)/python (-m sphinx .*) docs build/docs$", (ROOT / "Makefile").read_text(), re.MULTILINE
-    )
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    recipe = re.search(r"\$\(BIN\)/python (-m sphinx .*) docs build/docs$", makefile, flags=re.MULTILINE)
     assert recipe is not None
     options = recipe[1].replace("build/doctrees", str(out.with_suffix(".doctrees"))).split()
     command = [sys.executable, *options, "-c", str(DOCS), str(source), str(out)]

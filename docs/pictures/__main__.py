@@ -1,7 +1,9 @@
-"""Make the pictures of the dashboard: ``python -m docs.pictures [--out DIRECTORY]``."""
+"""Make the pictures of the dashboard and of the reports: ``python -m docs.pictures [--out DIRECTORY]``."""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -10,9 +12,13 @@ import click
 
 from chatter_monitor.config import load
 from chatter_monitor.outlets.dashboard.place import Place
+from chatter_monitor.outlets.event_store import EventStore
 from chatter_monitor.service.diagnosing import diagnose_file
 from chatter_monitor.service.modelling import simulate_to_file
+from chatter_monitor.service.replay import Replay
+from chatter_monitor.service.reporting import report_event
 from chatter_monitor.service.showing import show_diagnosis, show_recording
+from docs.pictures.browser import photograph
 from docs.pictures.viewer import viewer
 
 HERE = Path(__file__).parent
@@ -24,7 +30,7 @@ REPLAYS: tuple[tuple[str, str, dict[str, Any], float], ...] = (
     ("dashboard_onset", "bar_turning.flac", {"speed_rpm": 1685.0, "teeth": 1}, 7.2),
     ("dashboard_forced", "forced_milling.flac", {"speed_rpm": 1656.0, "teeth": 6}, 9.0),
 )
-# The worked example of docs/diagnose.md.
+# The worked example of docs/tutorial.md.
 MACHINE = """[sensor]
 quantity = "velocity"
 noise_rms = 40.0
@@ -57,6 +63,8 @@ def main(out: Path) -> None:
         saved = diagnosed(Path(folder))
         with viewer(saved) as shown:
             shown.save(out / "dashboard_diagnosis.png")
+        photograph(Path(folder) / "diagnosis" / "report.html", out / "report_diagnosis.png", width=900, height=960)
+        photograph(reported(Path(folder)), out / "report_event.png", width=900, height=1300)
 
 
 def diagnosed(folder: Path) -> Path:
@@ -68,6 +76,16 @@ def diagnosed(folder: Path) -> Path:
     saved = folder / "diagnosis.rrd"
     show_diagnosis(folder / "diagnosis", Place(save=saved), quiet)
     return saved
+
+
+def reported(folder: Path) -> Path:
+    """Report of the event of docs/tutorial.md."""
+    settings = load([], {"spindle": {"speed_rpm": 1685.0, "teeth": 1}})
+    with contextlib.redirect_stdout(io.StringIO()):
+        Replay(file=REPLAY_DATA / "bar_turning.flac", settings=settings, record=folder / "events").run(as_json=True)
+    [entry] = EventStore(folder / "events").entries()
+    report_event(entry, folder / "event.html")
+    return folder / "event.html"
 
 
 if __name__ == "__main__":
