@@ -36,6 +36,7 @@ bench: $(READY)
 
 # The documentation, in build/docs; a link that leads nowhere is an error.
 docs: $(READY)
+	$(BIN)/python -m docs.configuration
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -d build/doctrees docs build/docs
 	@echo "Open build/docs/index.html"
 

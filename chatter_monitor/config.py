@@ -28,7 +28,7 @@ from chatter_monitor.verdict.judge import JudgeSettings
 
 
 class MachineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The table ``[machine]``.
+    """What the machine is called: the table ``[machine]`` of a machine configuration.
 
     Attributes
     ----------

@@ -7,7 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
+
+from chatter_monitor.config import Settings
+from docs import configuration
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -31,6 +35,16 @@ def test_the_pages_build_without_a_warning(tmp_path: Path) -> None:
     pages = {page.relative_to(tmp_path / "pages") for page in (tmp_path / "pages").rglob("*.html")}
     assert {page.relative_to(DOCS).with_suffix(".html") for page in DOCS.rglob("*.md")} <= pages
     assert "What you see" in (tmp_path / "pages" / "readme.html").read_text()
+
+
+def test_the_reference_of_the_configuration_is_fresh() -> None:
+    """docs/configuration.md is what `make docs` makes of the settings classes, and has every key."""
+    written = configuration.PAGE.read_text(encoding="utf-8")
+    assert written == configuration.page(), "run `make docs` and commit docs/configuration.md"
+    for table in msgspec.structs.fields(Settings):
+        section = written.split(f"## [{table.name}]")[1].split("## [")[0]
+        for key in msgspec.to_builtins(getattr(Settings(), table.name)):
+            assert f"`{key}`" in section
 
 
 LINKS_TO_NOTHING = [

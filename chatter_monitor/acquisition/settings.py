@@ -24,7 +24,8 @@ class InputSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Channels to listen to, counted from 0, in this order; None for all of a recording, and for the first of a sound
         device, which has as many as its driver likes.
     sensor : str
-        What the samples measure: sound pressure, acceleration, velocity or displacement, in this order of the names.
+        What the samples are of: a microphone measures sound pressure, an accelerometer acceleration, a vibrometer
+        velocity.
     full_scale_per_unit : float
         Reading of the file or card, as a fraction of its full scale, for one unit of the sensor (Pa, m/s², m/s, m).
         1.0 leaves the samples as they are.

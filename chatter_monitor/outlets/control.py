@@ -37,7 +37,7 @@ LINGER_MS = 100  # for the last reply
 
 
 class ControlSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The table ``[control]``.
+    """The control socket, see docs/control.md: the table ``[control]`` of a machine configuration.
 
     Attributes
     ----------

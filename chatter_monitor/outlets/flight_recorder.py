@@ -31,7 +31,7 @@ Seconds = Annotated[float, msgspec.Meta(ge=0)]
 
 
 class RecorderSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What to keep of an event: the table ``[recorder]`` of a machine configuration.
+    """What to keep of an event, see docs/events.md: the table ``[recorder]`` of a machine configuration.
 
     Attributes
     ----------

@@ -47,7 +47,7 @@ HEALTH_STATES = get_args(get_type_hints(Health)["state"])
 
 
 class MetricsSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The table ``[metrics]``.
+    """Numbers for Prometheus, see docs/service.md: the table ``[metrics]`` of a machine configuration.
 
     Attributes
     ----------

@@ -46,14 +46,16 @@ HOW_TO_ENCRYPT = (
 
 @dataclass(frozen=True, slots=True)
 class PublishSettings:
-    """Where to publish, to whom, and how far a subscriber may fall behind.
+    """Where to publish, and to whom: the table ``[publish]`` of a machine configuration.
 
     Attributes
     ----------
     bind : str
-        ZeroMQ endpoint. The path of ``ipc://`` is taken over from an earlier socket.
+        ZeroMQ endpoint: loopback or ``ipc://``, whose path is taken over from an earlier socket; any address with the
+        two keys below.
     high_water_mark : int
         Messages kept for a subscriber that does not keep up; what comes after that is lost to it, and to it alone.
+        At least 1.
     server_key : str or None
         Path of the monitor's secret certificate: with it, everything is encrypted (CURVE).
     allowed_clients : str or None

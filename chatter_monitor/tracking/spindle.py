@@ -17,7 +17,7 @@ class SpindleSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     teeth : int
         Cutting edges that pass in one revolution; 1 for turning.
     min_rpm, max_rpm : float or None
-        What the spindle can do, for advice on other speeds.
+        What the spindle can do, for advice on other speeds. The first may not be above the second.
     """
 
     speed_rpm: Annotated[float, msgspec.Meta(gt=0)] | None = None

@@ -28,17 +28,19 @@ class TrackerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes
     ----------
     orders : (int, int)
-        Orders of A and C. (4, 3) is the paper's choice: two modes, and zeros for what is between them.
+        Orders of A, 2, 4, 6 or 8, and of C, up to 6. (4, 3) is the paper's choice: two modes, and zeros for
+        what is between them.
     memory_ms : float
-        Time constant of the exponential forgetting. The effective window is twice as long.
+        Time constant of the exponential forgetting. The effective window is twice as long. At least
+        ten samples for each coefficient.
     sample_rate_hz : float
         Rate at which the tracker runs; inputs are converted to it.
     bands : int
         Octaves that have a recursion of their own, at most, from the top downwards; each answers for the middle of
         its band. Those in which the memory is too short for the coefficients are left out.
     high_pass_hz : float
-        Corner below which the signal is offset and drift, not vibration. A first-order high-pass costs C one zero and
-        frees a pair of poles that would otherwise be spent on the offset.
+        Corner, below half the rate, under which the signal is offset and drift, not vibration. A first-order high-pass
+        costs C one zero and frees a pair of poles that would otherwise be spent on the offset.
     """
 
     orders: tuple[Order, Order] = (4, 3)

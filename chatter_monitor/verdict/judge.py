@@ -45,7 +45,7 @@ class JudgeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     alarm_probability : float
         Probability of self-excitation from which on it is an alarm.
     calm_probability : float
-        Probability below which a running alarm ends.
+        Probability below which a running alarm ends. It may not be above `alarm_probability`.
     warning_probability : float
         Probability of self-excitation from which on it is `approaching`.
     approaching_damping : float
