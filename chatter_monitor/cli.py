@@ -25,7 +25,7 @@ def cli() -> None:
 
 
 @cli.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
 @CONFIG
 @click.option("--spindle-rpm", type=float, help="Spindle speed, if it is known.")
 @click.option("--teeth", type=int, help="Cutting edges of the tool (1 for turning).")
@@ -43,10 +43,15 @@ def cli() -> None:
     "--odp", "odp_table", type=click.Path(path_type=Path), help="Write every sample's ODPs to a Parquet file."
 )
 @click.option("--record", type=click.Path(path_type=Path), help="Record events in a directory, as the daemon would.")
+@click.option("--out", type=click.Path(path_type=Path), help="An archive's results: a data set of Parquet tables.")
+@click.option("--jobs", type=click.IntRange(min=1), help="Processes for an archive; one per processor by default.")
+@click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster that is to do an archive instead.")
 @JSON
 @DEBUG
+@click.pass_context
 def replay(
-    file: Path,
+    context: click.Context,
+    files: tuple[str, ...],
     configs: tuple[Path, ...],
     spindle_rpm: float | None,
     teeth: int | None,
@@ -56,20 +61,35 @@ def replay(
     jsonl: Path | None,
     odp_table: Path | None,
     record: Path | None,
+    out: Path | None,
+    jobs: int | None,
+    scheduler: str | None,
     as_json: bool,
 ) -> None:
     """Monitor a recording: WAV, FLAC, any rate, any number of channels.
 
     A recorded event (see `events`) is replayed with the settings that it was recorded with; --config changes them.
+
+    With --out, monitor an archive: files, folders, globs, also as URLs. Run again, it does only what is left to do.
     """
-    from chatter_monitor.config import load
+    from chatter_monitor.config import load, merged_tables
     from chatter_monitor.outlets.event_files import recorded_event
     from chatter_monitor.service.replay import Replay
 
     spindle: dict[str, Any] = {"speed_rpm": spindle_rpm, "teeth": teeth}
+    overrides = {"spindle": {key: value for key, value in spindle.items() if value is not None}}
+    if out is not None:
+        _refuse_given(context, "--out", "pace", "publish", "wait_subscriber", "jsonl", "odp_table", "record")
+        _replay_archive(files, out, merged_tables(configs, overrides), jobs, scheduler, as_json)
+        return
+    _refuse_given(context, "a single recording (say --out DIR)", "jobs", "scheduler")
+    file = Path(files[0])
+    if len(files) > 1 or file.is_dir() or "://" in files[0]:
+        is_folder = " Is a directory:" if file.is_dir() else ""
+        raise click.UsageError(f"{files[0]}:{is_folder} say with --out DIR where an archive's results go.")
     if recorded_event(file) is not None:
         configs = (file.with_suffix(".json"), *configs)
-    settings = load(configs, {"spindle": {key: value for key, value in spindle.items() if value is not None}})
+    settings = load(configs, overrides)
     Replay(
         file=file,
         settings=settings,
@@ -80,6 +100,39 @@ def replay(
         odp_table=odp_table,
         record=record,
     ).run(as_json=as_json)
+
+
+def _replay_archive(
+    files: tuple[str, ...],
+    out: Path,
+    tables: dict[str, dict[str, Any]],
+    jobs: int | None,
+    scheduler: str | None,
+    as_json: bool,
+) -> None:
+    import msgspec
+    from rich.console import Console
+
+    from chatter_monitor.service.archive.replaying import PAGE, Archive
+
+    if jobs is not None and scheduler is not None:
+        raise click.UsageError("Choose one of --jobs and --scheduler.")
+    replayed = Archive(files, out, tables, jobs, scheduler).run()
+    if as_json:
+        _print_json({"out": str(out), "done": msgspec.to_builtins(replayed.done), "broken": replayed.problems})
+    else:
+        replayed.show(Console())
+        click.echo(f"wrote {out} and {out / PAGE}")
+    if (error := replayed.error()) is not None:
+        raise error
+
+
+def _refuse_given(context: click.Context, what: str, *parameters: str) -> None:
+    """Refuse options that make no sense together with what else was said."""
+    for parameter in context.command.params:
+        given = context.get_parameter_source(str(parameter.name)) is click.core.ParameterSource.COMMANDLINE
+        if given and parameter.name in parameters:
+            raise click.UsageError(f"{parameter.opts[0]} does not go with {what}.")
 
 
 @cli.command()

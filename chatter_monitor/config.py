@@ -69,6 +69,19 @@ def load(paths: Sequence[Path], overrides: dict[str, dict[str, Any]] | None = No
     InputError
         If a file cannot be read, is not TOML, has an unknown table or key, or a value that is not allowed.
     """
+    return settings_of(merged_tables(paths, overrides))
+
+
+def merged_tables(
+    paths: Sequence[Path], overrides: dict[str, dict[str, Any]] | None = None
+) -> dict[str, dict[str, Any]]:
+    """Read configuration files as `load` does, but only what they say, without the defaults.
+
+    Raises
+    ------
+    InputError
+        As `load`.
+    """
     merged: dict[str, dict[str, Any]] = {}
     for path in paths:
         tables = _read(path)
@@ -76,7 +89,12 @@ def load(paths: Sequence[Path], overrides: dict[str, dict[str, Any]] | None = No
         _convert(f"the configuration {str(path)!r}", tables)
         _merge(merged, tables)
     _merge(merged, overrides or {})
-    return _convert("the settings", merged)
+    return merged
+
+
+def settings_of(tables: dict[str, dict[str, Any]]) -> Settings:
+    """Settings out of tables; InputError if a value is not allowed."""
+    return _convert("the settings", tables)
 
 
 def _read(path: Path) -> dict[str, Any]:

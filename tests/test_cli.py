@@ -74,7 +74,7 @@ def test_options_that_mean_nothing(run, recording, options, reason):
 def test_no_such_command(run):
     """An unknown command, or none where one is needed, is the user's input."""
     assert "No such command 'listen'" in refused(run, 2, "listen")
-    assert "Missing argument 'FILE'" in refused(run, 2, "replay")
+    assert "Missing argument 'FILE...'" in refused(run, 2, "replay")
 
 
 def test_bad_configuration(run, recording, tmp_path):

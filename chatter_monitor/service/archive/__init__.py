@@ -1,0 +1,1 @@
+"""Replaying archives: many recordings, in many processes, into one data set."""
