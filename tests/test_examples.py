@@ -23,10 +23,11 @@ TUTORIAL = ROOT / "docs" / "tutorial.md"
 MARKS = {
     "sh": "below",
     "toml": "below",
-    "python": "below; that of control.md in tests/outlets/test_control.py",
+    "python": "below; those in ELSEWHERE in tests/outlets/test_control.py and tests/service/archive/test_replaying.py",
     "yaml": "the schema of control.md, in tests/outlets/test_control.py",
     "ini": "drop-ins of the service, in tests/system/test_systemd.py",
 }
+ELSEWHERE = ("control.md", "archives.md")  # programs that need more than a monitor that publishes
 ALL = [block for page in PAGES for block in blocks(page) if block.mark not in ("prose", "<!--")]
 
 
@@ -91,7 +92,7 @@ def test_every_configuration_can_be_loaded(tmp_path: Path, block: Block) -> None
         load([file])
 
 
-@pytest.mark.parametrize("block", [block for block in marked("python") if block.page != "control.md"], ids=named)
+@pytest.mark.parametrize("block", [block for block in marked("python") if block.page not in ELSEWHERE], ids=named)
 def test_every_program_hears_a_replay(tmp_path: Path, block: Block) -> None:
     """A Python block runs as it stands, but for the port, and prints something while a recording is replayed."""
     with socket.create_server(("127.0.0.1", 0)) as taken:

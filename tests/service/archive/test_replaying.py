@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 
 from chatter_monitor.service.archive.dataset import open_table
+from tests.pages import ROOT, blocks
 from tests.replaying import replay
 from tests.service.archive.cuts import NAMES, make, write
 
@@ -114,6 +115,16 @@ def test_the_table_and_the_page(run, archive, monkeypatch):
         assert name in out
         assert name in page
     assert contents(archive / "expected") == before
+
+
+def test_the_page_on_archives_reads_the_results(archive, tmp_path):
+    """The program in docs/archives.md finds the chatter."""
+    (program,) = (block.text for block in blocks(ROOT / "docs/archives.md") if block.mark == "python")
+    (tmp_path / "results").symlink_to(archive / "expected")
+    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True)
+    states = open_table(archive / "expected", "verdict").to_table()["state"].to_pylist()
+    assert done.stdout == f"{states.count('self_excited')} intervals of chatter\n"
+    assert "self_excited" in states
 
 
 def test_a_broken_recording_does_not_stop_the_rest(run, archive, tmp_path, monkeypatch):
