@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy.basis import retuning
-from chatter_monitor.discrepancy.diagnosis import Case
+from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.innovations import Diverged, Innovations
 from chatter_monitor.discrepancy.observer import Linear
@@ -82,14 +82,16 @@ def augment(case: Case, found: Sequence[AppliedTerm]) -> Augmented:
             terms = [*before, *(_softened(applied) for applied in terms[first:])]
             here = _fitted(case, linear, terms, first, weight)
             continue
+        if here.promised < _SETTLED_NATS:
+            break
         there = None
         for share in _SHARES:
             change = share * here.change
             moved = [*before, *_moved(here.terms[first:], here.where, change)]
-            there = _fitted(case, _retuned(here.linear, change[:2]), moved, first, weight)
-            if there is not None and there.loss < here.loss:
+            there = _fitted(case, _retuned(here.linear, change[:2]), moved, first, weight, here.loss)
+            if there is not None:
                 break
-        if there is None or there.loss >= here.loss:
+        if there is None:
             break
         settled = here.loss - there.loss < _SETTLED_NATS
         here = there
@@ -117,18 +119,24 @@ class _Fitted:
     where: list[tuple[int, str, int]]
     change: Vector
     sd: Vector
+    promised: float
 
 
-def _fitted(case: Case, linear: Linear, terms: list[AppliedTerm], first: int, weight: Vector) -> _Fitted | None:
-    """Look at a model; None if it runs away from the recording."""
+def _fitted(
+    case: Case, linear: Linear, terms: list[AppliedTerm], first: int, weight: Vector, beat: float = math.inf
+) -> _Fitted | None:
+    """Look at a model; None if it runs away from the recording, or does not beat the loss of another."""
     try:
         inn = Innovations(case.recorded, linear, terms)
     except Diverged:
         return None
+    loss = _loss(inn, weight)
+    if loss >= beat:
+        return None
     columns, where = _columns(case, inn, terms[first:])
     evidence = Evidence(inn.white, np.array(columns), weight, [], case.evidence.block)
     fit = evidence.regress(list(range(len(columns))))
-    return _Fitted(linear, terms, inn, _loss(inn, weight), columns, where, fit.coefficients, fit.sd)
+    return _Fitted(linear, terms, inn, loss, columns, where, fit.coefficients, fit.sd, fit.gain)
 
 
 def _softened(applied: AppliedTerm) -> AppliedTerm:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal as dsp
-from scipy.interpolate import BSpline
 
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.kernels.signatures import Motion
@@ -38,10 +37,13 @@ def splines(u: Matrix, count: int, low: float, high: float) -> Matrix:
     ndarray of float64, shape (count, *u.shape)
     """
     step = (high - low) / (count - 3)
-    knots = low + step * np.arange(-3, count + 1)
-    inside = np.clip(u.ravel(), low, high - 1e-9 * (high - low))
-    design = BSpline.design_matrix(inside, knots, 3).toarray()
-    return np.asarray(design.T.reshape(count, *u.shape))
+    inside = (np.clip(u, low, high) - low) / step
+    found = np.empty((count, *u.shape))
+    for i in range(count):
+        away = np.abs(inside - (i - 1))
+        outer, inner = np.maximum(2.0 - away, 0.0), np.maximum(1.0 - away, 0.0)
+        found[i] = (outer * outer * outer - 4.0 * inner * inner * inner) / 6.0  # a power would take ten times as long
+    return found
 
 
 def scales(motion: Motion) -> tuple[float, float]:

@@ -2,129 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from chatter_monitor.discrepancy import basis
 from chatter_monitor.discrepancy.band import Recorded, within_band
-from chatter_monitor.discrepancy.candidates import Candidate, candidates
+from chatter_monitor.discrepancy.case import SURE, Case
 from chatter_monitor.discrepancy.ceiling import Surface, ceiling
+from chatter_monitor.discrepancy.columns import gather
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.faults import (
-    Clipping,
     Line,
-    Restlessness,
     clipping,
     lines,
-    restlessness,
     silent,
     slow_drift,
 )
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.linear import Base, calibrate, fit_base
+from chatter_monitor.discrepancy.local import find_local
 from chatter_monitor.discrepancy.locate import (
-    Modulation,
     frequency_map,
     lag_map,
-    modulation,
     subspace_map,
 )
-from chatter_monitor.discrepancy.name import LESS_NATS, PRICE_NATS, Contest, Scored, stretch
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.report import Statistic
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
-from chatter_monitor.physics.parts import AppliedTerm, Mode
-from chatter_monitor.physics.terms import CATALOGUE, Term
+from chatter_monitor.physics.parts import AppliedTerm
+from chatter_monitor.physics.terms import CATALOGUE
 
 Vector = NDArray[np.float64]
 
-BLOCK_S = 0.5
 FEWEST_PERIODS = 300
 MOST_CLIPPED = 1e-3  # share of samples beyond which nothing else can be said
-SURE = 1e-5  # chance that is not believed in
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Local:
-    """An effect in a part of the recording.
-
-    Attributes
-    ----------
-    candidate : Candidate
-    columns : list of int
-    blocks : (int, int)
-        First block and one past the last.
-    gain_nats, held_out_nats : float
-        Gain on the training blocks less the price, and on the held-out blocks, both inside.
-    p_value : float
-        Of the held-out blocks.
-    """
-
-    candidate: Candidate
-    columns: list[int]
-    blocks: tuple[int, int]
-    gain_nats: float
-    held_out_nats: float
-    p_value: float
-
-
-@dataclass(eq=False)
-class Case:
-    """A recording beside a model, and everything that was found on the way.
-
-    Attributes
-    ----------
-    system : MachiningSystem
-        The base model as given.
-    whole, recorded : Recorded
-        The recording in units of motion (the gain of the sensor and the mean taken out), and its part within the band.
-    """
-
-    system: MachiningSystem
-    whole: Recorded
-    recorded: Recorded
-    base: Base
-    innovations: Innovations
-    clipped: Clipping | None = None
-    tones: list[Line] = field(default_factory=list)
-    unrest: Restlessness | None = None
-    offset_p: float = 1.0
-    evidence: Evidence = field(init=False)
-    contest: Contest = field(init=False)
-    matrix: NDArray[np.float64] = field(init=False)
-    columns: dict[str, list[int]] = field(default_factory=dict)
-    named: list[Scored] = field(default_factory=list)
-    ranking: list[Scored] = field(default_factory=list)
-    ceiling: Surface = field(init=False)
-    rest: Surface = field(init=False)
-    maps: list[Statistic] = field(default_factory=list)
-    rest_maps: list[Statistic] = field(default_factory=list)
-    swing: Modulation | None = None
-    local: Local | None = None
-    drift: Statistic | None = None
-
-    def explained(self) -> Vector:
-        """Whitened errors less what is named and the nuisance columns."""
-        nuisance = self.evidence.nuisance
-        columns = [c for scored in self.named for c in scored.columns if c not in nuisance]
-        fit = self.evidence.regress(columns)
-        return np.asarray(self.innovations.white - fit.all_coefficients @ self.matrix[[*nuisance, *columns]])
-
-    @property
-    def weight(self) -> Vector:
-        """Reciprocal of the standard deviation of every whitened error; 0 for those not to be used."""
-        scale = self.unrest.scale if self.unrest else np.std(self.innovations.white)
-        return np.asarray(np.where(self.innovations.used, 1.0 / scale, 0.0))
-
-    @property
-    def training(self) -> NDArray[np.bool_]:
-        """Blocks for training."""
-        return np.asarray(np.arange(self.evidence.blocks) % 2 == 0)
 
 
 def recorded_from(samples: Vector, rate_hz: float, missing: NDArray[np.bool_] | None = None) -> Recorded:
@@ -190,7 +105,7 @@ def examine(whole: Recorded, system: MachiningSystem, progress: Callable[[str], 
         case.maps = [frequency_map(base.spectrum, base.fitted)[0]]
         return case
     progress("signatures")
-    _gather(case)
+    gather(case)
     progress("names")
     _decide(case)
     return case
@@ -230,86 +145,6 @@ def _as_model(base: Base, system: MachiningSystem) -> tuple[Linear, list[Applied
     return linear, terms
 
 
-def _gather(case: Case) -> None:
-    """All columns, and their products."""
-    inn, recorded = case.innovations, case.recorded
-    columns: list[Vector] = []
-    groups: dict[str, list[int]] = {}
-
-    def add(name: str, new: Iterable[Vector]) -> list[int]:
-        new = list(new)
-        index = list(range(len(columns), len(columns) + len(new)))
-        columns.extend(new)
-        groups.setdefault(name, []).extend(index)
-        return index
-
-    motion = inn.motion
-    case.columns["retuning"] = add("nuisance", basis.retuning(inn))
-    if len(inn.linear.modes) > 1 or case.system.terms:
-        add("nuisance", _retuned(inn))
-    if inn.linear.delay_s is not None:
-        case.columns["lagged"] = add("nuisance", inn.respond([motion.lagged]))
-    t = np.arange(recorded.samples.size)
-    for tone in case.tones:
-        turn = 2.0 * np.pi * tone.frequency_hz / recorded.rate_hz * t
-        add("nuisance", [np.cos(turn), np.sin(turn)])
-    sd_x, sd_v = basis.scales(motion)
-    present = [applied.term.name for applied in case.system.terms]
-    entries = _entries(inn, candidates(sd_x, sd_v, inn.linear.spindle, present, inn.linear.delay_s is not None), add)
-    add("surface", basis.surface(inn))
-    add("amplitude", basis.by_amplitude(inn))
-    add("memory", basis.by_memory(inn))
-    add("time", basis.along_time(inn))
-    add("angle", basis.along_angle(inn))
-    unrest = restlessness(inn.white, inn.used, recorded.rate_hz)
-    case.unrest = unrest
-    weight = case.weight
-    block = max(1, round(BLOCK_S * recorded.rate_hz))
-    matrix = np.array(columns)
-    case.evidence = Evidence(inn.white, matrix, weight, groups["nuisance"], block)
-    case.columns |= groups
-    case.swing = modulation(inn, weight, matrix[0])
-    case.contest, case.matrix = Contest(case.evidence, entries), matrix
-
-
-def _entries(
-    inn: Innovations, tried: Sequence[Candidate], add: Callable[[str, Iterable[Vector]], list[int]]
-) -> list[tuple[Candidate, list[int]]]:
-    """Candidates with the columns of their coefficients; forces that several candidates share are worked out once."""
-    forces: dict[tuple[float, ...], tuple[Term, tuple[float, ...]]] = {}
-    for candidate in tried:
-        for i in candidate.linear:
-            forces.setdefault(candidate.acts(i), (candidate.term, candidate.unit(i)))
-    at = dict(zip(forces, add("terms", inn.of_terms([*forces.values()])), strict=True))
-    return [(candidate, [at[candidate.acts(i)] for i in candidate.linear]) for candidate in tried]
-
-
-def _retuned(inn: Innovations) -> list[Vector]:
-    """What a change of each mode's frequency, damping and participation adds to the errors, by differences."""
-    found = []
-    for i, mode in enumerate(inn.linear.modes):
-        for name, step in (
-            ("frequency_hz", 0.02 * mode.damping_ratio),
-            ("damping_ratio", 0.02),
-            ("participation", 0.02),
-        ):
-            if name == "participation" and i == 0:
-                continue
-            both = [replace(mode, **{name: getattr(mode, name) * (1.0 + change)}) for change in (step, -step)]
-            plus, minus = (
-                Innovations(
-                    inn.recorded, replace(inn.linear, modes=_with(inn.linear.modes, i, each)), inn.terms, inn.taps
-                )
-                for each in both
-            )
-            found.append(plus.white - minus.white)
-    return found
-
-
-def _with(modes: tuple[Mode, ...], i: int, mode: Mode) -> tuple[Mode, ...]:
-    return (*modes[:i], mode, *modes[i + 1 :])
-
-
 def _decide(case: Case) -> None:
     """Names, the ceiling, and what changes along the recording: that first, so that no name has to stand for it."""
     evidence = case.evidence
@@ -319,7 +154,7 @@ def _decide(case: Case) -> None:
     with case.contest.beside([column for scored in case.named for column in scored.columns]):
         changing = subspace_map("time", evidence, case.columns["time"])
     if changing.p_value < SURE or not case.named:
-        case.local = _local(case)
+        case.local = find_local(case)
     if case.local is not None:
         inside = np.zeros(evidence.blocks, dtype=bool)
         inside[slice(*case.local.blocks)] = True
@@ -393,33 +228,3 @@ def _maps(case: Case, evidence: Evidence) -> list[Statistic]:
         lag,
         angle,
     ]
-
-
-def _local(case: Case) -> Local | None:
-    """An effect in a part of the recording: found on the training blocks, confirmed by the held-out ones in it.
-
-    It has to beat everything that acts all along.
-    """
-    evidence = case.evidence
-    halves = [evidence.only(case.training), evidence.only(~case.training)]
-    best: Local | None = None
-    for candidate, columns in case.contest.entries:
-        if len(columns) != 1:
-            continue
-        first, last, gain, _ = stretch(halves[0], columns[0])
-        gain -= PRICE_NATS * (3 + candidate.shapes)
-        if best is not None and gain <= best.gain_nats:
-            continue
-        inside = np.zeros(evidence.blocks, dtype=bool)
-        inside[2 * first : 2 * last] = True
-        fit = evidence.regress(columns, inside & case.training)
-        if fit.coefficients[0] < candidate.lower[0]:
-            continue
-        check = evidence.regress(columns, inside & ~case.training)
-        p = float(stats.norm.sf(check.coefficients[0] / check.sd[0] * np.sign(fit.coefficients[0])))
-        best = Local(candidate, columns, (2 * first, 2 * last), gain, check.gain, p)
-    all_along = max((entry[0] for entry in case.contest.best([], case.training).values()), default=0.0)
-    if best is None or best.p_value > SURE or best.gain_nats < max(all_along, 0.0) + LESS_NATS:
-        return None
-    begin, end, _, _ = stretch(evidence, best.columns[0])  # all blocks together tell the ends better
-    return replace(best, blocks=(begin, end)) if begin < best.blocks[1] and end > best.blocks[0] else best

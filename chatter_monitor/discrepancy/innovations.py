@@ -17,7 +17,7 @@ from chatter_monitor.physics.parts import AppliedTerm
 from chatter_monitor.physics.terms import Term
 
 Vector = NDArray[np.float64]
-_SIDE_BY_SIDE = 16  # signatures: enough for the processor's vectors, and few enough for its caches
+_SIDE_BY_SIDE = 32  # signatures: enough for the processor's vectors, and few enough for its caches
 _MEMORY_DECAYS = 5.0  # samples before a used one that have to be there, in decay times of the filter
 
 

@@ -231,7 +231,8 @@ def fit(spectrum: Periodogram, start: Linear, *, colours: int = COLOURS, fixed_m
     information = np.eye(vector.size)
     for _ in range(_STEPS):
         slopes = np.empty((vector.size, log_s.size))
-        for i in range(vector.size):
+        slopes[density.noise_at + 1 :] = density.cosines
+        for i in range(density.noise_at + 1):
             moved = vector.copy()
             moved[i] += _DERIVATIVE_STEP
             slopes[i] = (density(moved) - log_s) / _DERIVATIVE_STEP

@@ -19,11 +19,12 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.forces import call_force
+from chatter_monitor.kernels.options import OPTIONS
 
 SUBSTEPS = 4  # of a force that jumps, and of a term's memory, between two samples
 SMOOTH = 2  # of a force that does not jump: Gauss points
 _GAUSS = 0.5 / np.sqrt(3.0)
-_FEW = 64
+_FEW = 64  # even: the state is where it was after so many steps
 
 
 class Observer(NamedTuple):
@@ -61,7 +62,7 @@ class Motion(NamedTuple):
     lagged: np.ndarray  # (2, n)
 
 
-@njit(cache=True, nogil=True)
+@njit(**OPTIONS)
 def delayed(x, now, delay):
     """Displacement `delay` samples before index `now`, between samples by linear interpolation; 0 before the start."""
     back = int(np.floor(delay))
@@ -72,7 +73,7 @@ def delayed(x, now, delay):
     return (1.0 - share) * x[i] + share * x[i - 1]
 
 
-@njit(cache=True, nogil=True)
+@njit(**OPTIONS)
 def over_step(
     address, substeps, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0, z1, parameters, spread, step_s
 ):
@@ -106,7 +107,7 @@ def over_step(
     return mean - 0.5 * slope, mean + 0.5 * slope
 
 
-@njit(cache=True, nogil=True)
+@njit(**OPTIONS)
 def at_sample(address, substeps, x0, v0, lagged, angle, turn, omega, z, parameters, spread, step_s):
     """Force at a sample, for a sensor that feels the force itself.
 
@@ -126,7 +127,7 @@ def at_sample(address, substeps, x0, v0, lagged, angle, turn, omega, z, paramete
     return 0.25 * mean / nodes
 
 
-@njit(cache=True, nogil=True)
+@njit(**OPTIONS)
 def remembered(rate_address, x0, v0, x1, v1, lagged, angle, omega, z, parameters, step_s):
     """Memory of a term at the end of a step over which the tool moves from (x0, v0) to (x1, v1).
 
@@ -255,7 +256,7 @@ def observe(observer, known, y, missing, settled, errors, motion):
         motion.lagged[1, k] = lagged_next
 
 
-@njit(cache=True, nogil=True)
+@njit(**OPTIONS)
 def force_along(observer, motion, settled, address, rate_address, substeps, parameters, force):
     """Evaluate one term along the motion.
 
@@ -280,7 +281,7 @@ def force_along(observer, motion, settled, address, rate_address, substeps, para
     turn, spread = observer.turn, observer.spread
     for k in range(force.shape[1]):
         if not settled[k]:
-            force[:, k] = 0.0
+            force[0, k] = force[1, k] = 0.0
             z = 0.0
             continue
         angle = turn * k
@@ -316,54 +317,92 @@ def signatures(observer, force, missing, taps, out):
     out : ndarray of float64, shape (m, n)
         Filled with what each force adds to the filtered prediction errors.
     """
-    order = observer.gain.size
-    m, rows, n = force.shape
-    d = np.zeros((order, m))
-    ahead = np.zeros((order, m))
-    recent = np.zeros((taps.size, m))
+    m, _, n = force.shape
+    state = np.zeros((2, observer.gain.size, m))
     ended, news, seen = np.zeros(m), np.zeros(m), np.zeros(m)
-    told = observer.feed  # by the force at a sample, beyond what was predicted, of the prediction error
-    for i in range(order):
-        told += observer.output[i] * observer.end[i]
     # Columns side by side, a few samples at a time: rows of a whole recording fall on each other in the cache.
-    beside = np.zeros((_FEW, rows, m))
-    answer = np.zeros((_FEW, m))
+    before = taps.size - 1
+    begins, ends, answer = np.empty((_FEW, m)), np.empty((_FEW, m)), np.empty((_FEW, m))
+    raw = np.zeros((before + _FEW, m))
+    lost = np.zeros(_FEW, dtype=np.bool_)
     for first in range(0, n, _FEW):
         few = min(_FEW, n - first)
+        lost[:few] = missing[first : first + few]
         for c in range(m):
-            for row in range(rows):
-                for k in range(few):
-                    beside[k, row, c] = force[c, row, first + k]
-        for k in range(few):
-            s = recent[(first + k) % taps.size]
-            for c in range(m):
-                s[c] = observer.feed * ended[c]
-            for i in range(order):
-                for c in range(m):
-                    s[c] += observer.output[i] * d[i, c]
-            begin, end = beside[k, 0], beside[k, 1]
-            for c in range(m):
-                news[c] = begin[c] - ended[c] if observer.feed != 0.0 and first + k > 0 else 0.0
-                seen[c] = s[c] + told * news[c]
-            if missing[first + k]:
-                s[:] = 0.0
-                seen[:] = 0.0
-            for i in range(order):
-                for c in range(m):
-                    d[i, c] += observer.end[i] * news[c] - observer.gain[i] * seen[c]
-                    ahead[i, c] = observer.begin[i] * begin[c] + observer.end[i] * end[c]
-            for i in range(order):
-                for j in range(order):
-                    for c in range(m):
-                        ahead[i, c] += observer.transition[i, j] * d[j, c]
-            d, ahead = ahead, d
-            ended[:] = end
-            y = answer[k]
-            y[:] = 0.0
-            for lag in range(taps.size):
-                before = recent[(first + k - lag) % taps.size]
-                for c in range(m):
-                    y[c] += taps[lag] * before[c]
+            for k in range(few):
+                begins[k, c] = force[c, 0, first + k]
+                ends[k, c] = force[c, 1, first + k]
+        respond(observer, begins[:few], ends[:few], lost, first == 0, state, ended, news, seen, raw[before:])
+        filtered(raw, taps, answer)
         for c in range(m):
             for k in range(few):
                 out[c, first + k] = answer[k, c]
+        for k in range(before):
+            raw[k] = raw[_FEW + k]
+
+
+@njit(**OPTIONS)
+def respond(observer, begins, ends, missing, starts, state, ended, news, seen, raw):
+    """The error recursion of the module's docstring, some samples on, for forces side by side."""
+    feed, order, m = observer.feed, observer.gain.size, ended.size
+    told = feed  # by the force at a sample, beyond what was predicted, of the prediction error
+    for i in range(order):
+        told += observer.output[i] * observer.end[i]
+    d, ahead = state[0], state[1]
+    for k in range(begins.shape[0]):
+        begin, end, s = begins[k], ends[k], raw[k]
+        for c in range(m):
+            s[c] = feed * ended[c]
+        for i in range(order):
+            add(s, observer.output[i], d[i])
+        for c in range(m):
+            if missing[k]:
+                s[c] = 0.0
+            seen[c] = s[c]
+            news[c] = begin[c] - ended[c]
+        if feed != 0.0 and not (starts and k == 0):
+            if not missing[k]:
+                add(seen, told, news)
+            for i in range(order):
+                add(d[i], observer.end[i], news)
+        for i in range(order):
+            add(d[i], -observer.gain[i], seen)
+        for i in range(order):
+            row, from_begin, from_end = ahead[i], observer.begin[i], observer.end[i]
+            for c in range(m):
+                row[c] = from_begin * begin[c] + from_end * end[c]
+            for j in range(order):
+                add(row, observer.transition[i, j], d[j])
+        d, ahead = ahead, d
+        for c in range(m):
+            ended[c] = end[c]
+
+
+@njit(**OPTIONS)
+def add(row, factor, other):
+    """Add a multiple of another row."""
+    for c in range(row.size):
+        row[c] += factor * other[c]
+
+
+@njit(**OPTIONS)
+def filtered(raw, taps, answer):
+    """Filter of finite length down the columns of `raw`, whose first ``taps.size - 1`` rows went before.
+
+    Four taps at a time, so that sums are fetched and put back a quarter as often.
+    """
+    last = taps.size - 1
+    fours = taps.size // 4 * 4
+    for k in range(answer.shape[0]):
+        y, now = answer[k], last + k
+        for c in range(y.size):
+            y[c] = 0.0
+        for lag in range(0, fours, 4):
+            t0, t1, t2, t3 = taps[lag], taps[lag + 1], taps[lag + 2], taps[lag + 3]
+            s0, s1, s2, s3 = raw[now - lag], raw[now - lag - 1], raw[now - lag - 2], raw[now - lag - 3]
+            for c in range(y.size):
+                y[c] += t0 * s0[c] + t1 * s1[c] + t2 * s2[c] + t3 * s3[c]
+        for lag in range(fours, taps.size):
+            t0, s0 = taps[lag], raw[now - lag]
+            for c in range(y.size):
+                y[c] += t0 * s0[c]

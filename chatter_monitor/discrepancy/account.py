@@ -1,0 +1,84 @@
+"""The figures of a report: other explanations, what could have been seen, the fit, the calibration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from chatter_monitor.discrepancy.case import BLOCK_S, Case
+from chatter_monitor.discrepancy.findings import estimate
+from chatter_monitor.discrepancy.locate import whiteness_p
+from chatter_monitor.discrepancy.report import Alternative, Calibration, Estimate, Finding, Fit, Information
+
+DETECT_NATS = 10.0
+
+
+def alternatives(case: Case, findings: Sequence[Finding]) -> list[Alternative]:
+    """Other explanations, best first."""
+    taken = {finding.name for finding in findings}
+    entries = [Alternative(s.candidate.name, float(s.evidence_nats)) for s in case.ranking]
+    entries += [Alternative(name, float(gain)) for name, gain in case.base.alternatives]
+    entries.append(Alternative("force_surface", float(case.ceiling.held_out_nats)))
+    return sorted((e for e in entries if e.name not in taken), key=lambda each: -each.evidence_nats)[:8]
+
+
+def information(case: Case) -> list[Information]:
+    """How small an effect the recording would have shown."""
+    inn, evidence = case.innovations, case.evidence
+    w2 = inn.linear.modes[0].omega ** 2
+    x, v = inn.motion.x[0], inn.motion.v[0]
+    restoring = w2 * float(np.std(x))
+    linear = np.column_stack([x, v, np.ones_like(x)])
+    found: dict[str, Information] = {}
+    for scored in case.ranking:
+        candidate = scored.candidate
+        unit = candidate.unit(candidate.linear[0])
+        force = inn.force(candidate.term, unit)[0]
+        rest = force - linear @ np.linalg.lstsq(linear, force, rcond=None)[0]
+        sd = float(evidence.regress(scored.all_columns[:1], ~case.training).sd[0])
+        detectable = sd * math.sqrt(2.0 * DETECT_NATS) * float(np.std(rest)) / restoring
+        seconds = case.whole.seconds * (detectable / 0.02) ** 2
+        found.setdefault(candidate.name, Information(candidate.name, float(detectable), float(seconds)))
+    return list(found.values())
+
+
+def held_out_fit(case: Case) -> Fit:
+    """How well base and named terms predict the held-out blocks."""
+    evidence, held = case.evidence, ~case.training
+    columns = [c for scored in case.named for c in scored.columns]
+    base, full = evidence.regress([], case.training), evidence.regress(columns, case.training)
+    gain = evidence.gain_on(full, columns, base, held)
+    samples = float(evidence.samples[held].sum())
+    scale = float(np.mean(np.log(1.0 / case.weight[case.weight > 0.0])))
+    rest = evidence.rest(base, [], held)
+    before = scale + 0.5 * math.log(2.0 * math.pi) + rest / samples
+    white = case.innovations.white
+    explained = case.explained()
+    used = case.innovations.used
+    blocks = [(i * BLOCK_S, min((i + 1) * BLOCK_S, case.whole.seconds)) for i in np.flatnonzero(held)]
+    return Fit(
+        [(round(float(a), 3), round(float(b), 3)) for a, b in blocks],
+        before,
+        before - gain / samples,
+        float(gain),
+        float(gain / math.log(2.0)),
+        whiteness_p(white, used),
+        whiteness_p(explained, used),
+    )
+
+
+def calibration(case: Case) -> Calibration:
+    """Modes as given and as fitted."""
+    before: dict[str, float] = {}
+    after: dict[str, Estimate] = {}
+    fitted = case.base.fitted
+    at = 0
+    for i, (given, now) in enumerate(zip(case.system.modes, fitted.linear.modes, strict=False), 1):
+        before[f"mode.{i}.frequency_hz"] = given.frequency_hz
+        before[f"mode.{i}.damping_ratio"] = given.damping_ratio
+        after[f"mode.{i}.frequency_hz"] = estimate(now.frequency_hz, now.frequency_hz * fitted.sd[at], "Hz")
+        after[f"mode.{i}.damping_ratio"] = estimate(now.damping_ratio, now.damping_ratio * fitted.sd[at + 1], "1")
+        at += 2 + (i > 1)
+    return Calibration(before, after)

@@ -1,0 +1,103 @@
+"""A recording beside a model, and everything that is found about the two on the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.discrepancy.band import Recorded
+from chatter_monitor.discrepancy.candidates import Candidate
+from chatter_monitor.discrepancy.ceiling import Surface
+from chatter_monitor.discrepancy.evidence import Evidence
+from chatter_monitor.discrepancy.faults import Clipping, Line, Restlessness
+from chatter_monitor.discrepancy.innovations import Innovations
+from chatter_monitor.discrepancy.linear import Base
+from chatter_monitor.discrepancy.locate import Modulation
+from chatter_monitor.discrepancy.name import Contest, Scored
+from chatter_monitor.discrepancy.report import Statistic
+from chatter_monitor.physics.model import MachiningSystem
+
+Vector = NDArray[np.float64]
+
+BLOCK_S = 0.5
+SURE = 1e-5  # chance that is not believed in
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Local:
+    """An effect in a part of the recording.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    columns : list of int
+    blocks : (int, int)
+        First block and one past the last.
+    gain_nats, held_out_nats : float
+        Gain on the training blocks less the price, and on the held-out blocks, both inside.
+    p_value : float
+        Of the held-out blocks.
+    """
+
+    candidate: Candidate
+    columns: list[int]
+    blocks: tuple[int, int]
+    gain_nats: float
+    held_out_nats: float
+    p_value: float
+
+
+@dataclass(eq=False)
+class Case:
+    """A recording beside a model, and everything that was found on the way.
+
+    Attributes
+    ----------
+    system : MachiningSystem
+        The base model as given.
+    whole, recorded : Recorded
+        The recording in units of motion (the gain of the sensor and the mean taken out), and its part within the band.
+    """
+
+    system: MachiningSystem
+    whole: Recorded
+    recorded: Recorded
+    base: Base
+    innovations: Innovations
+    clipped: Clipping | None = None
+    tones: list[Line] = field(default_factory=list)
+    unrest: Restlessness | None = None
+    offset_p: float = 1.0
+    evidence: Evidence = field(init=False)
+    contest: Contest = field(init=False)
+    matrix: NDArray[np.float64] = field(init=False)
+    columns: dict[str, list[int]] = field(default_factory=dict)
+    named: list[Scored] = field(default_factory=list)
+    ranking: list[Scored] = field(default_factory=list)
+    ceiling: Surface = field(init=False)
+    rest: Surface = field(init=False)
+    maps: list[Statistic] = field(default_factory=list)
+    rest_maps: list[Statistic] = field(default_factory=list)
+    swing: Modulation | None = None
+    local: Local | None = None
+    drift: Statistic | None = None
+
+    def explained(self) -> Vector:
+        """Whitened errors less what is named and the nuisance columns."""
+        nuisance = self.evidence.nuisance
+        columns = [c for scored in self.named for c in scored.columns if c not in nuisance]
+        fit = self.evidence.regress(columns)
+        return np.asarray(self.innovations.white - fit.all_coefficients @ self.matrix[[*nuisance, *columns]])
+
+    @property
+    def weight(self) -> Vector:
+        """Reciprocal of the standard deviation of every whitened error; 0 for those not to be used."""
+        scale = self.unrest.scale if self.unrest else np.std(self.innovations.white)
+        return np.asarray(np.where(self.innovations.used, 1.0 / scale, 0.0))
+
+    @property
+    def training(self) -> NDArray[np.bool_]:
+        """Blocks for training."""
+        return np.asarray(np.arange(self.evidence.blocks) % 2 == 0)

@@ -1,0 +1,102 @@
+"""All columns of a case's regression: nuisance, candidate forces, and forces of no name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.discrepancy import basis
+from chatter_monitor.discrepancy.candidates import Candidate, candidates
+from chatter_monitor.discrepancy.case import BLOCK_S, Case
+from chatter_monitor.discrepancy.evidence import Evidence
+from chatter_monitor.discrepancy.faults import restlessness
+from chatter_monitor.discrepancy.innovations import Innovations
+from chatter_monitor.discrepancy.locate import modulation
+from chatter_monitor.discrepancy.name import Contest
+from chatter_monitor.physics.parts import Mode
+from chatter_monitor.physics.terms import Term
+
+Vector = NDArray[np.float64]
+
+
+def gather(case: Case) -> None:
+    """All columns, and their products."""
+    inn, recorded = case.innovations, case.recorded
+    columns: list[Vector] = []
+    groups: dict[str, list[int]] = {}
+
+    def add(name: str, new: Iterable[Vector]) -> list[int]:
+        new = list(new)
+        index = list(range(len(columns), len(columns) + len(new)))
+        columns.extend(new)
+        groups.setdefault(name, []).extend(index)
+        return index
+
+    motion = inn.motion
+    case.columns["retuning"] = add("nuisance", basis.retuning(inn))
+    if len(inn.linear.modes) > 1 or case.system.terms:
+        add("nuisance", _retuned(inn))
+    if inn.linear.delay_s is not None:
+        case.columns["lagged"] = add("nuisance", inn.respond([motion.lagged]))
+    t = np.arange(recorded.samples.size)
+    for tone in case.tones:
+        turn = 2.0 * np.pi * tone.frequency_hz / recorded.rate_hz * t
+        add("nuisance", [np.cos(turn), np.sin(turn)])
+    sd_x, sd_v = basis.scales(motion)
+    present = [applied.term.name for applied in case.system.terms]
+    entries = _entries(inn, candidates(sd_x, sd_v, inn.linear.spindle, present, inn.linear.delay_s is not None), add)
+    add("surface", basis.surface(inn))
+    add("amplitude", basis.by_amplitude(inn))
+    add("memory", basis.by_memory(inn))
+    add("time", basis.along_time(inn))
+    add("angle", basis.along_angle(inn))
+    unrest = restlessness(inn.white, inn.used, recorded.rate_hz)
+    case.unrest = unrest
+    weight = case.weight
+    block = max(1, round(BLOCK_S * recorded.rate_hz))
+    matrix = np.array(columns)
+    case.evidence = Evidence(inn.white, matrix, weight, groups["nuisance"], block)
+    case.columns |= groups
+    case.swing = modulation(inn, weight, matrix[0])
+    case.contest, case.matrix = Contest(case.evidence, entries), matrix
+
+
+def _entries(
+    inn: Innovations, tried: Sequence[Candidate], add: Callable[[str, Iterable[Vector]], list[int]]
+) -> list[tuple[Candidate, list[int]]]:
+    """Candidates with the columns of their coefficients; forces that several candidates share are worked out once."""
+    forces: dict[tuple[float, ...], tuple[Term, tuple[float, ...]]] = {}
+    for candidate in tried:
+        for i in candidate.linear:
+            forces.setdefault(candidate.acts(i), (candidate.term, candidate.unit(i)))
+    at = dict(zip(forces, add("terms", inn.of_terms([*forces.values()])), strict=True))
+    return [(candidate, [at[candidate.acts(i)] for i in candidate.linear]) for candidate in tried]
+
+
+def _retuned(inn: Innovations) -> list[Vector]:
+    """What a change of each mode's frequency, damping and participation adds to the errors, by differences."""
+    found = []
+    for i, mode in enumerate(inn.linear.modes):
+        for name, step in (
+            ("frequency_hz", 0.02 * mode.damping_ratio),
+            ("damping_ratio", 0.02),
+            ("participation", 0.02),
+        ):
+            if name == "participation" and i == 0:
+                continue
+            both = [replace(mode, **{name: getattr(mode, name) * (1.0 + change)}) for change in (step, -step)]
+            plus, minus = (
+                Innovations(
+                    inn.recorded, replace(inn.linear, modes=_with(inn.linear.modes, i, each)), inn.terms, inn.taps
+                )
+                for each in both
+            )
+            found.append(plus.white - minus.white)
+    return found
+
+
+def _with(modes: tuple[Mode, ...], i: int, mode: Mode) -> tuple[Mode, ...]:
+    return (*modes[:i], mode, *modes[i + 1 :])
