@@ -43,7 +43,7 @@ def test_every_block_is_of_a_kind_that_some_test_runs() -> None:
     """Nobody marks a block with a language that no test looks at."""
     directives = [block for block in ALL if block.mark.startswith("{")]
     assert {block.mark for block in ALL if block.mark and block not in directives} == set(MARKS)
-    assert {named(block).split(":")[0] for block in marked("sh")} == {"README.md", "tutorial.md"}
+    assert {named(block).split(":")[0] for block in marked("sh")} == {"README.md", "tutorial.md", "subscribing.md"}
 
 
 @pytest.mark.timeout(300)
@@ -65,6 +65,13 @@ def test_the_tutorial_gives_what_it_says(tmp_path: Path) -> None:
         assert step in ran
     assert (tmp_path / "out/event.html").stat().st_size > 10_000
     assert (tmp_path / "out/diagnosis/report.html").stat().st_size > 10_000
+
+
+def test_the_certificates_of_the_page_are_made(tmp_path: Path) -> None:
+    """The commands of docs/subscribing.md make both certificates, and put the client on the list."""
+    Reader(tmp_path).follow(ROOT / "docs" / "subscribing.md")
+    assert (tmp_path / "out/keys/allowed/logger.key").exists()
+    assert (tmp_path / "out/keys/server.key_secret").exists()
 
 
 def test_the_readme_begins_with_the_two_commands() -> None:

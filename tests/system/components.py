@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from pathlib import Path
 
 import pytest
 
@@ -22,6 +23,12 @@ def need(**packages: str) -> None:
         program = name.replace("_", "-")
         if shutil.which(program, path=os.environ["PATH"] + ":/usr/sbin") is None:
             _lacking(f"{program} is missing: apt-get install {package}")
+
+
+def need_header(name: str, *, package: str) -> None:
+    """Skip, or fail where components are required, if a C header is missing."""
+    if not (Path("/usr/include") / name).exists():
+        _lacking(f"{name} is missing: apt-get install {package}")
 
 
 def need_root() -> None:
