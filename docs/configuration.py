@@ -71,10 +71,10 @@ def _table(table: Field) -> str:
     rows = []
     for about, together in itertools.groupby(settings.fields, lambda field: keys[field.name]):
         fields = list(together)
-        cells = [", ".join(f"`{field.name}`" for field in fields), _allowed(fields[0])]
-        rows.append(" | ".join([*cells, " and ".join(dict.fromkeys(_default(f.default) for f in fields)), about]))
-    heading = ["| key | allowed | default | what it is |", "|---|---|---|---|"]
-    return "\n".join([f"## [{table.name}]", "", summary, "", *heading, *(f"| {row} |" for row in rows), ""])
+        names = ", ".join(f"`{field.name}`" for field in fields)
+        default = " and ".join(dict.fromkeys(_default(field.default) for field in fields))
+        rows.append(f"| **{names}**<br>{_allowed(fields[0])}<br>default: {default} | {about} |")
+    return "\n".join([f"## [{table.name}]", "", summary, "", "| key | what it is |", "|---|---|", *rows, ""])
 
 
 def _documented(settings: type) -> tuple[str, dict[str, str]]:
