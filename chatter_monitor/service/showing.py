@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
-from types import FrameType
 from typing import Protocol
 
 from chatter_monitor.acquisition.recording import Recording
@@ -21,6 +19,7 @@ from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.wire import Header
 from chatter_monitor.records import Event, Health, Odp, OdpFrame, SignalFrame, Verdict
 from chatter_monitor.service.replay import Replay
+from chatter_monitor.service.told import until_told
 
 # What the dashboard subscribes to.
 TOPICS = ("odp", "signal", "verdict", "event", "health")
@@ -54,7 +53,7 @@ def show_live(receive: Callable[[float], Received | None], place: Place, endpoin
     say : callable
         Told in a line what to know.
     """
-    with _until_told() as told, open_place(place, endpoint, "wall") as shown:
+    with until_told() as told, open_place(place, endpoint, "wall") as shown:
         if shown.address is not None:
             say(f"showing {endpoint} at {shown.address}")
         screen = Screen(shown.stream)
@@ -88,7 +87,7 @@ def show_recording(file: Path, settings: Settings, place: Place, say: Say) -> No
     with Recording(file) as recording:
         seconds = LONGEST_SPAN_S if recording.length is None else recording.length / recording.sample_rate_hz
     span_s = min(max(seconds, SHORTEST_SPAN_S), LONGEST_SPAN_S)
-    with _until_told() as told, open_place(place, file.name, "recording") as shown:
+    with until_told() as told, open_place(place, file.name, "recording") as shown:
         with suppress(_Told), Drawing(Screen(shown.stream, span_s)) as drawing:
             Replay(file=file, settings=settings, witnesses=(drawing, _Leaving(told))).run()
         _stay(shown, str(file), say, told)
@@ -96,7 +95,7 @@ def show_recording(file: Path, settings: Settings, place: Place, say: Say) -> No
 
 def show_diagnosis(directory: Path, place: Place, say: Say) -> None:
     """Show a diagnosis; with a viewer, wait until it is closed."""
-    with _until_told() as told, open_place(place, f"diagnosis {directory.name}", "recording") as shown:
+    with until_told() as told, open_place(place, f"diagnosis {directory.name}", "recording") as shown:
         draw_diagnosis(shown.stream, directory)
         shown.stream.close()
         _stay(shown, str(directory), say, told)
@@ -137,20 +136,3 @@ class _Leaving(Outlet):
     def close(self) -> None:
         """Hold nothing."""
         return
-
-
-@contextmanager
-def _until_told() -> Iterator[Callable[[], bool]]:
-    """Whether SIGTERM or SIGINT has come."""
-    told = False
-
-    def tell(_number: int, _frame: FrameType | None) -> None:
-        nonlocal told
-        told = True
-
-    before = {number: signal.signal(number, tell) for number in (signal.SIGTERM, signal.SIGINT)}
-    try:
-        yield lambda: told
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
