@@ -2,7 +2,7 @@
 
 A block marked ``sh`` is run, all blocks of a page in their order in one fresh directory; what cannot be run in a test
 (as root, on a machine tool, for hours) stands in a block without a mark. A block without a mark that follows an ``sh``
-block directly, or the comment ``<!-- output: COMMAND -->``, is what the block or the command prints.
+or ``python`` block directly, or the comment ``<!-- output: COMMAND -->``, is what the block or the command prints.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import os
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -67,7 +68,7 @@ def examples(page: Path) -> Iterator[Example]:
     """What a page has its reader run, with what it shows."""
     for block, following in itertools.pairwise([*blocks(page), Block(page.name, 0, "prose", "")]):
         printed = following.text if following.mark == "" else None
-        if block.mark == "sh":
+        if block.mark == "sh" or (block.mark == "python" and printed is not None):
             yield Example(block, printed)
         elif block.mark == "<!--" and (command := OUTPUT_OF.match(block.text)):
             assert printed is not None, f"{page.name}: nothing follows {block.text}"
@@ -105,7 +106,7 @@ class Reader:
             env=self._environment,
             capture_output=True,
             text=True,
-            timeout=280,
+            timeout=600,
             check=False,
         )
         assert done.returncode == 0, f"{text}\n{done.stdout}\n{done.stderr}"
@@ -119,7 +120,10 @@ class Reader:
         for block, shown in found:
             lines = block.text.splitlines()
             kept = [line for line in lines if block.mark == "<!--" or line.split("#")[0].strip() not in alone]
-            printed = self.run("\n".join(kept))
+            text = "\n".join(kept)
+            printed = self.run(
+                f"{shlex.quote(sys.executable)} -c {shlex.quote(text)}" if block.mark == "python" else text
+            )
             ran += kept
             if shown is not None:
                 held_to(printed, shown, f"{block.page}, line {block.line}")

@@ -28,6 +28,8 @@ MARKS = {
     "ini": "drop-ins of the service, in tests/system/test_systemd.py",
 }
 ELSEWHERE = ("control.md", "archives.md")  # programs that need more than a monitor that publishes
+CALCULATES = ROOT / "docs" / "mathematics.md"
+LISTENERS = [block for page in PAGES if page.name not in ELSEWHERE and page != CALCULATES for block in blocks(page)]
 ALL = [block for page in PAGES for block in blocks(page) if block.mark not in ("prose", "<!--")]
 
 
@@ -46,7 +48,7 @@ def test_every_block_is_of_a_kind_that_some_test_runs() -> None:
     assert {named(block).split(":")[0] for block in marked("sh")} == {"README.md", "tutorial.md", "subscribing.md"}
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_the_readme_keeps_its_promises(tmp_path: Path) -> None:
     """The README's commands work in their order on a recording `cut.wav`, and print what it shows."""
     samples, rate = soundfile.read(ROOT / "replay_data" / "bar_turning.flac", stop=12800)
@@ -57,7 +59,7 @@ def test_the_readme_keeps_its_promises(tmp_path: Path) -> None:
     assert len(ran) > 10
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_the_tutorial_gives_what_it_says(tmp_path: Path) -> None:
     """Whoever types the tutorial from its top gets what it shows."""
     ran = "\n".join(Reader(tmp_path).follow(TUTORIAL))
@@ -72,6 +74,11 @@ def test_the_certificates_of_the_page_are_made(tmp_path: Path) -> None:
     Reader(tmp_path).follow(ROOT / "docs" / "subscribing.md")
     assert (tmp_path / "out/keys/allowed/logger.key").exists()
     assert (tmp_path / "out/keys/server.key_secret").exists()
+
+
+def test_the_mathematics_calculates_what_it_shows(tmp_path: Path) -> None:
+    """The printed equation (24) gives what the page says of it, and so does the corrected one."""
+    assert len(Reader(tmp_path).follow(CALCULATES)) > 10
 
 
 def test_the_readme_begins_with_the_two_commands() -> None:
@@ -99,7 +106,7 @@ def test_every_configuration_can_be_loaded(tmp_path: Path, block: Block) -> None
         load([file])
 
 
-@pytest.mark.parametrize("block", [block for block in marked("python") if block.page not in ELSEWHERE], ids=named)
+@pytest.mark.parametrize("block", [block for block in LISTENERS if block.mark == "python"], ids=named)
 def test_every_program_hears_a_replay(tmp_path: Path, block: Block) -> None:
     """A Python block runs as it stands, but for the port, and prints something while a recording is replayed."""
     with socket.create_server(("127.0.0.1", 0)) as taken:

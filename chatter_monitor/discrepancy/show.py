@@ -33,7 +33,8 @@ SEED = 1
 RECORDED, BASE, AUGMENTED = "#4a6fa5", "#9a9a9a", "#b0303a"
 _STYLE = """body{font:16px/1.5 sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#222}
 .verdict{padding:.8rem 1rem;border-left:.4rem solid #b0303a;background:#f6f1ee;font-size:1.15rem}
-table{border-collapse:collapse;margin:1rem 0}td,th{padding:.25rem .8rem;border-bottom:1px solid #ddd;text-align:left}
+table{border-collapse:collapse;margin:1rem 0;display:block;overflow-x:auto}
+td,th{padding:.25rem .8rem;border-bottom:1px solid #ddd;text-align:left}
 img{max-width:100%}small{color:#666}"""
 
 
@@ -279,7 +280,7 @@ def _comparison(diagnosis: Diagnosis, runs: dict[str, Vector]) -> str:
         f, density = dsp.welch(run, rate, nperseg=4096)
         left.plot(f[f < top], 10.0 * np.log10(density[f < top]), color=color, lw=0.9, label=name)
         amplitude = np.abs(dsp.hilbert(run[: 1 << int(np.log2(run.size))])) / np.std(run)
-        middle.hist(amplitude, 80, (0, 4.5), density=True, histtype="step", color=color, label=name)
+        middle.hist(amplitude, 80, range=(0, 4.5), density=True, histtype="step", color=color, label=name)
         first = run.size // 2
         part = run[first : first + int(12 * rate / diagnosis.case.system.modes[0].frequency_hz)]
         right.plot(1e3 * np.arange(part.size) / rate, part, color=color, lw=0.9, label=name)

@@ -6,6 +6,7 @@ import contextlib
 import io
 import itertools
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -16,6 +17,7 @@ from chatter_monitor.outlets.dashboard.place import Place, open_place
 from chatter_monitor.outlets.dashboard.plane import height
 from chatter_monitor.outlets.dashboard.screen import Screen
 from chatter_monitor.outlets.dashboard.spectrogram import LOWEST_DB, ROWS_PER_OCTAVE
+from chatter_monitor.outlets.dashboard.words import evidence
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Event, Health, Verdict
 from chatter_monitor.service.replay import Replay
@@ -192,6 +194,24 @@ def test_words_say_what_it_is_and_what_to_change(drawn):
     assert len(lines) == 2
     assert f"{event.peak_frequency_hz:.0f} Hz" in lines[0]
     assert event.remedy in lines[1]
+
+
+@pytest.mark.parametrize(
+    ("state", "percent", "said"),
+    [
+        ("stable", 41.7, "**42 %** more depth"),
+        ("stable", 421.0, "**at least 100 %** more depth"),
+        ("approaching", -3.0, "**0 %** more depth"),
+        ("forced", 421.0, None),
+        ("stable", None, None),
+    ],
+)
+def test_the_margin_is_said_where_it_matters(messages, state, percent, said):
+    """The words have the margin up to twice the depth, and none where the vibration is forced."""
+    verdict = next(message for message in messages if isinstance(message, Verdict))
+    words = evidence(msgspec.structs.replace(verdict, state=state, margin_percent=percent))
+    assert ("depth" in words) == (said is not None)
+    assert said is None or said in words
 
 
 def test_health_is_shown(drawn):

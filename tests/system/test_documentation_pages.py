@@ -12,7 +12,7 @@ from tests.test_documentation import DOCS, build
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
 
-PAGES = ("index", "verdicts")
+PAGES = ("index", "mathematics", "configuration")
 
 
 @pytest.fixture(scope="module")

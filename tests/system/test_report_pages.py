@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from chatter_monitor.service.diagnosing import diagnose_file
+from chatter_monitor.service.modelling import simulate_to_file
 from chatter_monitor.service.reporting import report_event, report_shift
 from tests.reports.conftest import entry, replayed  # noqa: F401  fixtures
 from tests.system.browser import WIDTHS, Browser
 from tests.system.components import need
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+
+MODEL = '[sensor]\nquantity = "velocity"\n[[mode]]\nfrequency_hz = 412.0\ndamping_ratio = 0.02\n'
 
 
 @pytest.fixture
@@ -22,11 +26,14 @@ def browser(tmp_path):
 
 @pytest.fixture(scope="module")
 def pages(replayed, entry, tmp_path_factory):  # noqa: F811
-    """Both reports."""
+    """Reports of an event, of a shift and of a diagnosis."""
     folder = tmp_path_factory.mktemp("pages")
     report_event(entry, folder / "event.html")
     report_shift(replayed / "bar.jsonl", folder / "shift.html")
-    return [folder / "event.html", folder / "shift.html"]
+    (folder / "model.toml").write_text(MODEL)
+    simulate_to_file(folder / "model.toml", 4.0, 1, folder / "cut.wav", 12_800)
+    diagnose_file(folder / "cut.wav", folder / "model.toml", folder)
+    return [folder / "event.html", folder / "shift.html", folder / "report.html"]
 
 
 def test_the_browser_notices(browser, tmp_path):

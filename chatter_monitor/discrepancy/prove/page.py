@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 COLOURS = {"right": "#3f7d4e", "abstained": "#d9b44a", "missed": "#9aa7b8", "wrong": "#b0303a", "failed": "#333333"}
 
 _STYLE = """body{font:15px/1.45 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#222}
-table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .7em;text-align:left;border-bottom:1px solid #ddd}
+table{border-collapse:collapse;margin:1em 0;display:block;overflow-x:auto}
+td,th{padding:.2em .7em;text-align:left;border-bottom:1px solid #ddd}
 td.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}code{background:#f3f3f3}
 .right{color:#3f7d4e}.wrong,.failed{color:#b0303a;font-weight:600}.abstained{color:#8a6d10}.missed{color:#667}"""
 

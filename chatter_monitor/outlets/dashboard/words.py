@@ -5,6 +5,7 @@ from __future__ import annotations
 from chatter_monitor.outlets.look import STATES
 from chatter_monitor.records import Event, Health, Verdict
 
+LARGE_PERCENT = 100
 MEANINGS = {
     "idle": "Nothing is being cut.",
     "stable": "Cutting; vibrations decay.",
@@ -24,8 +25,8 @@ def evidence(verdict: Verdict) -> str:
         interval = verdict.damping_ratio_ci95
         between = "" if interval is None else f" (95 %: {100 * interval[0]:.2f} to {100 * interval[1]:.2f} %)"
         lines.append(f"- damping **{100 * verdict.damping_ratio:.2f} %**{between}")
-    if verdict.margin_percent is not None:
-        lines.append(f"- margin **{verdict.margin_percent:.0f} %** of depth of cut")
+    if verdict.margin_percent is not None and verdict.state != "forced":  # there, depth is not what matters
+        lines.append(f"- **{_margin(verdict.margin_percent)}** more depth of cut before it chatters")
     if verdict.order is not None:
         lines.append(f"- **{verdict.order:.2f}** times the spindle")
     lines.append(f"- sure: **{100 * verdict.confidence:.0f} %**")
@@ -34,6 +35,11 @@ def evidence(verdict: Verdict) -> str:
     if verdict.flags:
         lines += ["", f"**Flags:** {', '.join(verdict.flags)}"]
     return "\n".join(lines)
+
+
+def _margin(percent: float) -> str:
+    """Margin, as far as it matters for the next pass."""
+    return f"{max(percent, 0.0):.0f} %" if percent < LARGE_PERCENT else f"at least {LARGE_PERCENT} %"
 
 
 def event(message: Event) -> tuple[str, str]:
