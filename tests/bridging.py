@@ -18,7 +18,7 @@ from chatter_monitor.records import Event, Health, State, Verdict
 
 RATE_HZ = 12_800
 INTERVAL = 640
-PATIENCE_S = 60.0
+PATIENCE_S = 200.0
 HEALTH = Health(
     t=0.0,
     state="hearing",

@@ -12,7 +12,7 @@ import numpy as np
 from chatter_monitor.acquisition.portaudio import Choice, Deliver, Device, Opener, Stream
 from chatter_monitor.errors import EnvironmentFault
 
-WAIT_S = 20.0
+WAIT_S = 200.0
 
 
 class Clock:

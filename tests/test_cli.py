@@ -25,7 +25,7 @@ def recording(tmp_path_factory):
 
 def start(*arguments):
     """Run a program in a process of its own."""
-    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=200, check=False)
 
 
 def refused(run, code, *arguments):

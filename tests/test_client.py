@@ -19,7 +19,7 @@ from chatter_monitor.outlets.publisher import Clock, Publisher, PublishSettings
 from chatter_monitor.outlets.wire import PAYLOAD_DTYPES, OdpHeader
 from chatter_monitor.records import Flag, Health, Mode, Odp, OdpFrame, Verdict
 
-WAIT_S = 30.0
+WAIT_S = 200.0
 FS = 12_800.0
 CLOCK = Clock(FS, datetime(2026, 3, 1, 8, 30, tzinfo=UTC))
 

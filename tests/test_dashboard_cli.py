@@ -18,7 +18,7 @@ from tests.replaying import REPLAY_DATA
 from tests.rrd import Rrd
 
 PROGRAM = [sys.executable, "-m", "chatter_monitor"]
-WAIT_S = 60.0
+WAIT_S = 200.0
 
 # A module that is None in sys.modules cannot be imported: as if it were not installed.
 WITHOUT_RERUN = (

@@ -26,7 +26,7 @@ from chatter_monitor.outlets.wire import (
 )
 from chatter_monitor.records import Advice, Event, Flag, Health, Mode, Odp, State, Verdict
 
-WAIT_S = 30.0
+WAIT_S = 200.0
 DOCUMENT: dict[str, Any] = yaml.safe_load((Path(__file__).parents[2] / "docs/asyncapi.yaml").read_text())
 SCHEMAS = DOCUMENT["components"]["schemas"]
 STRUCTS = (Header, OdpHeader, SignalHeader, Payload, Odp, Mode, Verdict, Event, Advice, Health)

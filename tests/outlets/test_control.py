@@ -51,7 +51,7 @@ from chatter_monitor.records import Health, Verdict
 from chatter_monitor.service.monitor import Monitor
 from chatter_monitor.tracking.spindle import SpindleSettings
 
-WAIT_S = 60.0
+WAIT_S = 200.0
 RATE_HZ = 12_800.0
 LINE_HZ = 993.6  # the 6th tooth passing harmonic of `MILL`
 MILL = {"command": "set_spindle", "rpm": 1656.0, "teeth": 6}

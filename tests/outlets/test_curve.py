@@ -19,7 +19,7 @@ from chatter_monitor.errors import InputError
 from chatter_monitor.outlets.certificates import allow, client_files, new_pair, read_public, read_secret
 from chatter_monitor.outlets.publisher import Publisher, PublishSettings
 
-WAIT_S = 30.0
+WAIT_S = 200.0
 
 # What a client sees of its own handshake being refused: an answer, or a connection that is closed on it.
 REFUSAL = (

@@ -23,7 +23,7 @@ from chatter_monitor.outlets import publisher as publisher_module
 from chatter_monitor.outlets.publisher import Clock, Publisher, PublishSettings
 from chatter_monitor.outlets.wire import OdpHeader
 
-WAIT_S = 30.0
+WAIT_S = 200.0
 SCRIPT = Path(__file__).with_name("subscriber_process.py")
 _script = runpy.run_path(str(SCRIPT))  # the same fingerprint on both sides
 LAST, digest = _script["LAST"], _script["digest"]

@@ -12,7 +12,7 @@ from chatter_monitor.outlets.signal_view import SignalView
 from chatter_monitor.records import Block, Flag, SignalFrame
 
 FS = 12_800.0
-WAIT_S = 30.0
+WAIT_S = 200.0
 
 
 def feed(view, samples, sizes):

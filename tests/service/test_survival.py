@@ -47,7 +47,7 @@ def chatter_of(outcome, channel=0):
 
 @pytest.mark.slow
 def test_an_hour_of_digital_silence(tmp_path):
-    """An hour of zeros is idle from end to end, and is replayed within the time limit of a test, two minutes."""
+    """An hour of zeros is idle from end to end, and is replayed within the time limit of a test."""
     path = tmp_path / "silence.flac"
     minute = np.zeros(60 * RATE)
     with soundfile.SoundFile(path, "w", RATE, 1) as file:

@@ -24,7 +24,7 @@ from tests.service.archive.cuts import NAMES, make, write
 
 PROGRAM = (sys.executable, "-m", "chatter_monitor")
 HELD = "held.wav"
-PATIENCE_S = 60.0
+PATIENCE_S = 200.0
 
 
 @pytest.fixture(scope="module")
