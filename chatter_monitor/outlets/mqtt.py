@@ -194,10 +194,9 @@ class MqttLink:
         from paho.mqtt.enums import MQTTErrorCode
 
         topic = topic_of(message).replace(".", "/")
-        about = {"utc": header.utc, "machine": header.machine, "session": header.session}
-        body = about | {"number": self._numbers[topic]} | msgspec.json.decode(encode(message))
+        body = payload(header, message, self._numbers[topic])
         self._numbers[topic] += 1
-        sent = self._client.publish(f"{self._root}/{topic}", msgspec.json.encode(body), AT_LEAST_ONCE)
+        sent = self._client.publish(f"{self._root}/{topic}", body, AT_LEAST_ONCE)
         if sent.rc is MQTTErrorCode.MQTT_ERR_QUEUE_SIZE:
             self.dropped += 1
             return
@@ -272,6 +271,12 @@ class MqttLink:
         if not self._away:
             self._away = True
             self._say(f"the broker at {self._address} {what}; messages wait for it")
+
+
+def payload(header: Header, message: Verdict | Event | Health, number: int) -> bytes:
+    """JSON of a message on a topic of which it has that number."""
+    about = {"utc": header.utc, "machine": header.machine, "session": header.session, "number": number}
+    return msgspec.json.encode(about | msgspec.json.decode(encode(message)))
 
 
 def _client(broker: Broker) -> Client:
