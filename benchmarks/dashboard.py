@@ -153,6 +153,7 @@ def soak(minutes: float, speed: float, memory_limit: str) -> None:
                 publisher.wait_for_subscriber(30.0)
                 time.sleep(1.0)
                 began, done_s, reported_s = time.monotonic(), 0.0, 0.0
+                seen: list[tuple[float, float]] = []
                 click.echo(f"dashboard {run + 1}: {memory_mb(process):.0f} MB before the first message")
                 while done_s < part * 60.0 * minutes:
                     first_s = None
@@ -164,8 +165,13 @@ def soak(minutes: float, speed: float, memory_limit: str) -> None:
                     done_s += len(all_of_it.frames) * INTERVAL / RATE_HZ
                     if done_s - reported_s >= 180.0:
                         reported_s = done_s
-                        click.echo(f"  {done_s / 60.0:5.1f} min of signal: {memory_mb(process):.0f} MB")
+                        seen.append((done_s, memory_mb(process)))
+                        click.echo(f"  {done_s / 60.0:5.1f} min of signal: {seen[-1][1]:.0f} MB")
                 click.echo(f"  {done_s / 60.0:5.1f} min of signal: {memory_mb(process):.0f} MB, then killed")
+        later_half = np.array(seen[len(seen) // 2 :])
+        hours = later_half[:, 0] / 3600.0
+        if len(later_half) > 2:
+            click.echo(f"second half: grows by {np.polyfit(hours, later_half[:, 1], 1)[0]:.1f} MB an hour of signal")
         click.echo(f"publications found a full queue {publisher.dropped} times")
     for who, times in cost.items():
         click.echo(f"publishing an interval, {who} looking: median {1e6 * float(np.median(times)):.0f} us of 50 ms")

@@ -11,6 +11,7 @@ import itertools
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -31,7 +32,7 @@ LANE = re.compile(r"\s*[-?!#f.]{20,}\s")
 # Nothing is set up anew, and the tests do not start themselves; else it is the project's Makefile that runs.
 MAKE = """#!/bin/sh
 if [ "$1" = test ]; then set -- --dry-run "$@"; fi
-exec /usr/bin/make --silent --no-print-directory -C {root} --old-file .venv/.ready BIN={programs} "$@"
+exec {make} --silent --no-print-directory -C {root} --old-file .venv/.ready BIN={programs} "$@"
 """
 PROGRAM = """#!/bin/sh
 exec {python} -m chatter_monitor "$@"
@@ -89,7 +90,9 @@ class Reader:
         programs = folder / ".venv" / "bin"
         programs.mkdir(parents=True)
         for name, text in (("chatter-monitor", PROGRAM), ("make", MAKE)):
-            (programs / name).write_text(text.format(python=sys.executable, root=ROOT, programs=programs))
+            (programs / name).write_text(
+                text.format(python=sys.executable, make=shutil.which("make"), root=ROOT, programs=programs)
+            )
             (programs / name).chmod(0o755)
         for name in ("replay_data", "config"):
             (folder / name).symlink_to(ROOT / name)
