@@ -280,10 +280,27 @@ def identify(
 @click.option(
     "--between", "between_s", type=(float, float), metavar="BEGIN END", help="Stretch to look at, in seconds."
 )
+@click.option(
+    "--input",
+    "driven_by",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Recording of the force, if there is one.",
+)
+@click.option(
+    "--input-channel", type=click.IntRange(min=0), default=0, show_default=True, help="Its channel, counted from 0."
+)
 @JSON
 @DEBUG
 def diagnose(
-    file: Path, model: Path, out: Path, channel: int, between_s: tuple[float, float] | None, as_json: bool
+    file: Path,
+    model: Path,
+    out: Path,
+    channel: int,
+    between_s: tuple[float, float] | None,
+    driven_by: Path | None,
+    input_channel: int,
+    as_json: bool,
 ) -> None:
     """Find out where a recording differs from a simulation, and which physics the simulation lacks.
 
@@ -294,7 +311,16 @@ def diagnose(
     def progress(step: str) -> None:
         click.echo(f"{step} ...", err=True)
 
-    report, written = diagnose_file(file, model, out, channel=channel, between_s=between_s, progress=progress)
+    report, written = diagnose_file(
+        file,
+        model,
+        out,
+        channel=channel,
+        between_s=between_s,
+        driven_by=driven_by,
+        input_channel=input_channel,
+        progress=progress,
+    )
     if as_json:
         click.echo(report.to_json())
         return

@@ -87,9 +87,7 @@ def examine(whole: Recorded, system: MachiningSystem, progress: Callable[[str], 
             allowed=f"> {highest / 0.45:g} Hz",
         )
     progress("band")
-    mean = float(np.mean(whole.samples[present]))
-    whole = replace(whole, samples=np.where(whole.missing, 0.0, (whole.samples - mean) / system.sensor.gain))
-    recorded = within_band(whole, highest)
+    whole, recorded = in_band(whole, system)
     progress("calibration")
     sensor = system.sensor
     given = Linear(system.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, system.spindle)
@@ -109,6 +107,13 @@ def examine(whole: Recorded, system: MachiningSystem, progress: Callable[[str], 
     progress("names")
     _decide(case)
     return case
+
+
+def in_band(whole: Recorded, system: MachiningSystem) -> tuple[Recorded, Recorded]:
+    """The recording in units of motion, the mean and the gain of the sensor taken out, and its part within the band."""
+    mean = float(np.mean(whole.samples[~whole.missing]))
+    whole = replace(whole, samples=np.where(whole.missing, 0.0, (whole.samples - mean) / system.sensor.gain))
+    return whole, within_band(whole, max(mode.frequency_hz for mode in system.modes))
 
 
 def _cleaned(recorded: Recorded, given: Linear) -> tuple[Recorded, list[Line], float]:

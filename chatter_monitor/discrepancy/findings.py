@@ -12,7 +12,7 @@ from chatter_monitor.discrepancy.report import Estimate, Finding
 
 HARMONIC_WIDTH = 0.1  # about the orders 2 and 3 of the mode
 _MAINS_HZ = (50.0, 60.0)
-_SENSES = {
+SENSES = {
     "cubic_stiffness": ("hardening", "softening"),
     "quadratic_stiffness": ("stiffer outwards", "stiffer inwards"),
     "energy_damping": ("grows with amplitude", "falls with amplitude"),
@@ -107,8 +107,8 @@ def of_term(scored: Scored, parameters: dict[str, tuple[float, float]]) -> Findi
     units = {p.name: p.unit for p in term.parameters}
     estimates = {name: estimate(*pair, units[name]) for name, pair in parameters.items()}
     sense = None
-    if term.name in _SENSES:
-        sense = _SENSES[term.name][0 if parameters["coefficient"][0] > 0.0 else 1]
+    if term.name in SENSES:
+        sense = SENSES[term.name][0 if parameters["coefficient"][0] > 0.0 else 1]
     why = (
         f"{IN_WORDS[term.name].capitalize()}: explains held-out stretches better by {scored.held_out_nats:.1f} nats "
         f"(p = {scored.p_value:.1g}); {term.equation}."
@@ -125,7 +125,7 @@ def of_local(case: Case, local: Local) -> Finding:
     name = local.candidate.term.parameters[local.candidate.linear[0]]
     parameters = {name.name: estimate(fit.coefficients[0], fit.sd[0], name.unit)}
     sense = None
-    if local.candidate.name in _SENSES:
-        sense = _SENSES[local.candidate.name][0 if fit.coefficients[0] > 0.0 else 1]
+    if local.candidate.name in SENSES:
+        sense = SENSES[local.candidate.name][0 if fit.coefficients[0] > 0.0 else 1]
     why = f"{IN_WORDS[local.candidate.name].capitalize()}, from {begin:.1f} to {end:.1f} s only."
     return Finding(local.candidate.name, sense, parameters, fit.gain, local.p_value, why)

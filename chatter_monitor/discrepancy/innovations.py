@@ -26,19 +26,21 @@ def known_forces(terms: Sequence[AppliedTerm]) -> Forces:
     columns = [0, *accumulate(len(applied.values) for applied in terms)]
     return Forces(
         np.array([applied.term.compiled_force.address for applied in terms], dtype=np.int64),
-        np.array([_rate(applied.term) for applied in terms], dtype=np.int64),
-        np.array([_substeps(applied.term) for applied in terms], dtype=np.int64),
+        np.array([rate_of(applied.term) for applied in terms], dtype=np.int64),
+        np.array([substeps_of(applied.term) for applied in terms], dtype=np.int64),
         np.array(columns[:-1], dtype=np.int64),
         np.array([value for applied in terms for value in applied.values] or [0.0]),
     )
 
 
-def _rate(term: Term) -> int:
+def rate_of(term: Term) -> int:
+    """Address of the rate of a term's memory, 0 for none."""
     rate = term.compiled_rate
     return rate.address if rate else 0
 
 
-def _substeps(term: Term) -> int:
+def substeps_of(term: Term) -> int:
+    """Into how many parts the kernels cut a step for a term."""
     return SMOOTH if term.smooth else SUBSTEPS
 
 
@@ -104,7 +106,7 @@ class Innovations:
         """Force of a term along the motion, shape (2, n); see `kernels.signatures.force_along`."""
         out = np.empty((2, self.errors.size))
         parameters = np.array(values, dtype=np.float64)
-        how = term.compiled_force.address, _rate(term), _substeps(term)
+        how = term.compiled_force.address, rate_of(term), substeps_of(term)
         force_along(self.observer, self.motion, self.settled, *how, parameters, out)
         return out
 

@@ -139,6 +139,27 @@ class Fit(msgspec.Struct, frozen=True):
     free_run: FreeRun | None = None
 
 
+class ForceBalance(msgspec.Struct, frozen=True):
+    """How well the models account for a measured force; before: the linear model, fitted.
+
+    Attributes
+    ----------
+    band_hz : float
+        End of the band, which holds nearly all of the force.
+    residual_before, residual_after : float
+        Rms of what is left of the force on held-out stretches, over its rms there.
+    free_run_error_before, free_run_error_after : float, optional
+        Rms difference between the recording and a simulation that the measured force drives, on held-out stretches,
+        over the rms of the recording.
+    """
+
+    band_hz: float
+    residual_before: float
+    residual_after: float
+    free_run_error_before: float | None = None
+    free_run_error_after: float | None = None
+
+
 class Calibration(msgspec.Struct, frozen=True):
     """Parameters of the model file before and after they were fitted to the recording."""
 
@@ -159,6 +180,7 @@ class Report(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     calibration: Calibration
     warnings: list[str] = []
     elapsed_s: float = 0.0
+    force_balance: ForceBalance | None = None
 
     def to_json(self) -> bytes:
         """Text of ``report.json``."""

@@ -55,6 +55,11 @@ def page(diagnosis: Diagnosis, name: str) -> tuple[str, Report]:
     if report.fit.held_out_s:
         pictures = [("Where they differ", _maps(diagnosis))]
         pictures.append(("Recording and simulations", _comparison(diagnosis, runs)))
+    return document(report, name, pictures), report
+
+
+def document(report: Report, name: str, pictures: Sequence[tuple[str, str]]) -> str:
+    """A page with everything inside: summary, findings, pictures (title, PNG in base64), tables."""
     parts = [
         f"<h1>{html.escape(name)}</h1>",
         f'<p class="verdict"><b>{report.verdict.replace("_", " ")}</b>. {html.escape(report.summary)}</p>',
@@ -64,11 +69,10 @@ def page(diagnosis: Diagnosis, name: str) -> tuple[str, Report]:
         _tables(report),
     ]
     body = "\n".join(parts)
-    page_text = (
+    return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(name)}</title>'
         f"<style>{_STYLE}</style></head><body>{body}</body></html>\n"
     )
-    return page_text, report
 
 
 def _runs(diagnosis: Diagnosis) -> dict[str, Vector]:
@@ -181,10 +185,13 @@ def _tables(report: Report) -> str:
         _table(("map", "statistic", "p"), maps),
         "<h2>Other explanations</h2>",
         _table(("name", "nats"), others),
-        "<h2>What this recording could have shown</h2><p>Smallest effect, as a share of the restoring force that "
-        "nothing linear makes, and how long to record for 2 %.</p>",
-        _table(("name", "smallest", "for 2 %"), could),
     ]
+    if could:
+        parts += [
+            "<h2>What this recording could have shown</h2><p>Smallest effect, as a share of the restoring force that "
+            "nothing linear makes, and how long to record for 2 %.</p>",
+            _table(("name", "smallest", "for 2 %"), could),
+        ]
     return "".join(parts)
 
 
@@ -192,7 +199,7 @@ def _maps(diagnosis: Diagnosis) -> str:
     """The maps in one picture."""
     case = diagnosis.case
     inn = case.innovations
-    figure, axes = _figure(2)
+    figure, axes = figure_of(2)
     p = {each.name: each.p_value for each in case.maps}
     white, used = inn.white * case.weight, inn.used
     rate = case.recorded.rate_hz
@@ -214,7 +221,7 @@ def _maps(diagnosis: Diagnosis) -> str:
         axes[4].axvline(1e3 * inn.linear.spindle.delay_s, color=AUGMENTED, ls="--", lw=0.8)
     axes[4].set(xlabel="lag, ms", ylabel="correlation, standard deviations", title=f"lag, p = {p['lag']:.2g}")
     _draw_angle(axes[5], diagnosis, p["angle"])
-    return _encoded(figure)
+    return encoded(figure)
 
 
 def _draw_plane(axes: Axes, diagnosis: Diagnosis, p: float) -> None:
@@ -273,7 +280,7 @@ def _draw_angle(axes: Axes, diagnosis: Diagnosis, p: float) -> None:
 
 def _comparison(diagnosis: Diagnosis, runs: dict[str, Vector]) -> str:
     """Spectrum, amplitudes, and a stretch of each."""
-    figure, (left, middle, right) = _figure(1)
+    figure, (left, middle, right) = figure_of(1)
     rate = diagnosis.case.whole.rate_hz
     top = 0.5 * diagnosis.case.recorded.rate_hz
     for (name, run), color in zip(runs.items(), (RECORDED, BASE, AUGMENTED), strict=False):
@@ -288,10 +295,10 @@ def _comparison(diagnosis: Diagnosis, runs: dict[str, Vector]) -> str:
     middle.set(xlabel="amplitude / rms", title="amplitudes", yscale="log", ylim=(1e-4, None))
     right.set(xlabel="ms", title="a stretch (the simulations have other noise)")
     left.legend(fontsize="small")
-    return _encoded(figure)
+    return encoded(figure)
 
 
-def _figure(rows: int) -> tuple[Figure, NDArray[np.object_]]:
+def figure_of(rows: int) -> tuple[Figure, NDArray[np.object_]]:
     """Rows of three axes with fixed margins: a layout engine would take longer than all of the drawing."""
     from matplotlib.figure import Figure
 
@@ -302,7 +309,8 @@ def _figure(rows: int) -> tuple[Figure, NDArray[np.object_]]:
     return figure, np.asarray(axes).ravel()
 
 
-def _encoded(figure: Figure) -> str:
+def encoded(figure: Figure) -> str:
+    """The picture as PNG in base64."""
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=80, format="png")
     return base64.b64encode(buffer.getvalue()).decode()

@@ -12,9 +12,12 @@ import numpy as np
 from chatter_monitor.acquisition.recording import Recording
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.conclude import conclude
+from chatter_monitor.discrepancy.conclude_driven import conclude_driven
 from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
+from chatter_monitor.discrepancy.driven import examine_driven
 from chatter_monitor.discrepancy.report import Report
 from chatter_monitor.discrepancy.show import page
+from chatter_monitor.discrepancy.show_driven import page_driven
 from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.physics.model_file import model_text, read_model
 from chatter_monitor.records import Flag
@@ -27,6 +30,8 @@ def diagnose_file(
     *,
     channel: int = 0,
     between_s: tuple[float, float] | None = None,
+    driven_by: Path | None = None,
+    input_channel: int = 0,
     progress: Callable[[str], None] = lambda _step: None,
 ) -> tuple[Report, list[Path]]:
     """Diagnose one channel of a recording; write report.json, report.html and model.toml.
@@ -39,6 +44,10 @@ def diagnose_file(
         Counted from 0.
     between_s : (float, float), optional
         Stretch to look at.
+    driven_by : Path, optional
+        Recording of the force that drives the machine, sample by sample beside `file`; it may be another channel of it.
+    input_channel : int
+        Its channel, counted from 0.
     progress : callable, optional
         Told the name of every step.
 
@@ -58,16 +67,23 @@ def diagnose_file(
     system = read_model(model)
     progress("reading the recording")
     recorded = _read(file, channel, between_s)
-    diagnosis = conclude(examine(recorded, system, progress))
-    progress("report")
-    html, report = page(diagnosis, file.name)
+    if driven_by is None:
+        diagnosis = conclude(examine(recorded, system, progress))
+        progress("report")
+        html, report = page(diagnosis, file.name)
+        augmented = diagnosis.model
+    else:
+        force = _read(driven_by, input_channel, between_s)
+        driven = conclude_driven(examine_driven(recorded, force, system, progress), progress)
+        progress("report")
+        html, report, augmented = page_driven(driven, file.name), driven.report, driven.model
     report = msgspec.structs.replace(report, elapsed_s=round(time.perf_counter() - started, 3))
     try:
         out.mkdir(parents=True, exist_ok=True)
         written = [out / "report.json", out / "report.html", out / "model.toml"]
         written[0].write_bytes(report.to_json())
         written[1].write_text(html, encoding="utf-8")
-        written[2].write_text(model_text(diagnosis.model), encoding="utf-8")
+        written[2].write_text(model_text(augmented), encoding="utf-8")
     except OSError as error:
         raise EnvironmentFault(f"the diagnosis cannot be written: {error.strerror}", got=str(out)) from error
     return report, written
@@ -88,6 +104,10 @@ def lines(report: Report) -> list[str]:
     if report.located.statistic is not None:
         statistic = report.located.statistic
         said.append(f"  clearest map: {statistic.name}, p = {statistic.p_value:.2g}")
+    if report.force_balance is not None and report.force_balance.free_run_error_after is not None:
+        errors = report.force_balance.free_run_error_before, report.force_balance.free_run_error_after
+        before, after = ("runs away" if error is None else f"{100 * error:.3g} %" for error in errors)
+        said.append(f"  driven by the measured force, the simulation is off by {before} before, {after} after")
     said += [f"  note: {warning}" for warning in report.warnings]
     return said
 
