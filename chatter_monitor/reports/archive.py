@@ -139,8 +139,10 @@ def _figure(drawn: Sequence[tuple[str, Summary]]) -> Figure:
         if share.any():
             axes.barh(places, share, 0.8, left, color=hex_colour(colour), lw=0, label=word)
             left += share
-    axes.set(xlabel="share / %", xlim=(0.0, 100.0), ylim=(len(drawn) - 0.5, -0.5))
+    axes.tick_params(labelsize="x-small")
+    axes.set_xlabel("share / %", fontsize="small")
+    axes.set(xlim=(0.0, 100.0), ylim=(len(drawn) - 0.5, -0.5))
     # A name may hold what mathematics is written with; its end tells recordings apart.
-    axes.set_yticks(places, [name[-32:].replace("$", r"\$") for name, _ in drawn], fontsize="x-small")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, frameon=False, fontsize="x-small")
+    axes.set_yticks(places, [name[-32:].replace("$", r"\$") for name, _ in drawn])
+    figure.legend(loc="outside upper left", ncols=6, frameon=False, fontsize="x-small", columnspacing=1.0)
     return figure

@@ -32,6 +32,7 @@ th,td{text-align:left;padding:.35rem .7rem .35rem 0;border-bottom:1px solid var(
 @media(max-width:30rem){body{padding:1rem .8rem 2rem}h1{font-size:1.3rem}
 table.stack thead{display:none}table.stack tr{display:block;border-bottom:1px solid var(--line);padding:.4rem 0}
 table.stack td{display:flex;justify-content:space-between;gap:1rem;border:0;padding:.1rem 0;text-align:right}
+table.stack td span{overflow-wrap:anywhere}
 table.stack td::before{content:attr(data-of);color:var(--soft);text-align:left}}
 @media print{body{max-width:none;padding:0;font-size:11pt}figure,tr,.answer,.numbers div{break-inside:avoid}
 .answer{-webkit-print-color-adjust:exact;print-color-adjust:exact}h2{break-after:avoid}}

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from chatter_monitor.reports.archive import archive_page
 from chatter_monitor.service.diagnosing import diagnose_file
 from chatter_monitor.service.modelling import simulate_to_file
 from chatter_monitor.service.reporting import report_event, report_shift
 from tests.reports.conftest import entry, replayed  # noqa: F401  fixtures
+from tests.reports.test_archive import BROKEN, DONE
 from tests.system.browser import WIDTHS, Browser
 from tests.system.components import need
 
@@ -26,14 +28,15 @@ def browser(tmp_path):
 
 @pytest.fixture(scope="module")
 def pages(replayed, entry, tmp_path_factory):  # noqa: F811
-    """Reports of an event, of a shift and of a diagnosis."""
+    """Reports of an event, of a shift, of a diagnosis and of an archive."""
     folder = tmp_path_factory.mktemp("pages")
     report_event(entry, folder / "event.html")
     report_shift(replayed / "bar.jsonl", folder / "shift.html")
     (folder / "model.toml").write_text(MODEL)
     simulate_to_file(folder / "model.toml", 4.0, 1, folder / "cut.wav", 12_800)
     diagnose_file(folder / "cut.wav", folder / "model.toml", folder)
-    return [folder / "event.html", folder / "shift.html", folder / "report.html"]
+    (folder / "archive.html").write_text(archive_page("Archive", DONE, BROKEN))
+    return [folder / "event.html", folder / "shift.html", folder / "report.html", folder / "archive.html"]
 
 
 def test_the_browser_notices(browser, tmp_path):
