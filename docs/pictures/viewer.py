@@ -58,8 +58,8 @@ class Viewer:
 
 
 @contextmanager
-def viewer(file: Path) -> Iterator[Viewer]:
-    """Open a file in a viewer that no screen is needed for."""
+def viewer(file: Path, opened_s: float = OPENED_S) -> Iterator[Viewer]:
+    """Open a file in a viewer that no screen is needed for, and wait so long for it."""
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         port = probe.getsockname()[1]
@@ -77,7 +77,7 @@ def viewer(file: Path) -> Iterator[Viewer]:
                 _wait_for(port, process, Path(log.name))
                 client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
                 client.open(str(file))
-                time.sleep(OPENED_S)
+                time.sleep(opened_s)
                 yield Viewer(client)
             finally:
                 process.kill()
