@@ -59,12 +59,20 @@ LINKS_TO_NOTHING = [
 @pytest.mark.parametrize("link", LINKS_TO_NOTHING)
 def test_a_broken_link_fails_the_build(tmp_path: Path, link: str) -> None:
     """A page, a heading, a file or a picture that is not there ends the build with the link's name."""
-    source = tmp_path / "docs"
-    source.mkdir()
-    (source / "file.toml").touch()
-    (source / "index.md").write_text("# Page\n\n[this](index.md#page), [that](file.toml)\n")
-    assert build(source, tmp_path / "right").returncode == 0
-    (source / "index.md").write_text(f"# Page\n\n{link}\n")
-    done = build(source, tmp_path / "wrong")
+    done = build_page(tmp_path, link)
     assert done.returncode != 0
     assert "nowhere" in done.stderr
+
+
+def test_links_that_lead_somewhere_do_not_fail_it(tmp_path: Path) -> None:
+    """A page of links to itself, to a heading and to a file builds."""
+    done = build_page(tmp_path, "[this](index.md), [that](index.md#page), [it](#page), [file](conf.toml)")
+    assert done.returncode == 0, done.stderr
+
+
+def build_page(folder: Path, text: str) -> subprocess.CompletedProcess[str]:
+    """Build documentation of one page beside one file."""
+    (folder / "docs").mkdir()
+    (folder / "docs" / "conf.toml").touch()
+    (folder / "docs" / "index.md").write_text(f"# Page\n\n{text}\n")
+    return build(folder / "docs", folder / "out")
