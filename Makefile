@@ -33,6 +33,8 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.memory --hours 1
 	$(BIN)/python -m benchmarks.margin
 	$(BIN)/python -m benchmarks.dashboard
+	$(BIN)/python -m benchmarks.archive
+	$(BIN)/python -m benchmarks.fleet
 
 # The documentation, in build/docs; a link that leads nowhere is an error.
 docs: $(READY)

@@ -102,6 +102,9 @@ class MessageTable:
             self._writer.close()
             self._file.close()
             self._unfinished.replace(self._path)
+        except EnvironmentFault:
+            self.discard()
+            raise
         except OSError as error:
             self.discard()
             raise self._fault(error) from error

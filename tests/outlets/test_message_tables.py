@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import resource
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -109,3 +110,21 @@ def test_a_place_that_cannot_be_written(tmp_path):
         MessageTables(paths)
     assert caught.value.got == str(paths["event"])
     assert [path for path in tmp_path.rglob("*.part*") if path.is_file()] == []
+
+
+@pytest.fixture
+def full_disk():
+    """No file grows beyond 4 kB."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_disk_that_is_full(paths, tmp_path, full_disk):  # noqa: ARG001  it is there
+    """It is a fault of the environment, whenever it is noticed, and no part of a table stays."""
+    with pytest.raises(EnvironmentFault, match="cannot be written"), MessageTables(paths) as tables:  # noqa: PT012
+        for number in range(2000):
+            tables.frame(None, Odp(channel=0, t=number**0.5, modes=[]))
+    left = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert [path for path in left if path.parent.name == "odp" or path.suffix == ".part"] == []

@@ -42,6 +42,8 @@ def in_processes(jobs: Sequence[Job], processes: int) -> Iterator[Outcome]:
     try:
         while waiting or busy:
             while waiting and len(busy) < processes:
+                while idle and not idle[-1].alive():
+                    idle.pop().stop()
                 worker = idle.pop() if idle else _Worker()
                 worker.begin(waiting.popleft())
                 busy[worker.pipe] = worker
@@ -74,6 +76,9 @@ class _Worker:
         self._process.start()
         other.close()
         self.job: Job
+
+    def alive(self) -> bool:
+        return self._process.is_alive()
 
     def begin(self, job: Job) -> None:
         self.job = job

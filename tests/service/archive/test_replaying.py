@@ -53,6 +53,11 @@ def let_go(folder: Path, archive: Path) -> None:
     (folder / "copy.wav").rename(folder / HELD)
 
 
+def wake(pipe: Path) -> None:
+    """Let whoever waits at the pipe read nothing; nobody may."""
+    os.close(os.open(pipe, os.O_RDWR | os.O_NONBLOCK))
+
+
 def contents(out: Path) -> dict[str, bytes]:
     return {str(path.relative_to(out)): path.read_bytes() for path in out.rglob("*.parquet")}
 
@@ -181,8 +186,7 @@ def test_the_client_killed_half_way(archive, held):
             client.wait(PATIENCE_S)
         assert len(workers) == 1
         let_go(held, archive)
-        with (held / "pipe").open("wb"):  # whoever waits at it reads nothing, and has nobody to tell
-            wait_until(lambda: not any(alive(pid) for pid in workers))
+        wait_until(lambda: wake(held / "pipe") or not any(alive(pid) for pid in workers))
     finally:
         for pid in filter(alive, workers):
             os.kill(pid, signal.SIGKILL)
