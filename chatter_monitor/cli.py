@@ -340,10 +340,10 @@ def diagnose(
 def prove(cases: int, seed: int, out: Path, jobs: int, as_json: bool) -> None:
     """Hide physics in recordings, seal the key, diagnose them blindly, open the key, report."""
     from chatter_monitor.discrepancy.prove.page import lines
-    from chatter_monitor.service.diagnosing import diagnose_file
+    from chatter_monitor.service.diagnosing import diagnose_file, true_gain
     from chatter_monitor.service.proving import Proving
 
-    proof = Proving(out, cases, seed, diagnose_file, jobs).run(lambda line: click.echo(line, err=as_json))
+    proof = Proving(out, cases, seed, diagnose_file, jobs, true_gain).run(lambda line: click.echo(line, err=as_json))
     if as_json:
         _print_json(proof.score)
         return

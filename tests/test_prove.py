@@ -201,6 +201,40 @@ def test_a_finished_case_is_not_done_again(proof):
         Proving(proving.out, 2, 14, says_nothing).run(lambda _: None)
 
 
+def test_true_models_are_weighed_once_and_only_effects_of_the_catalogue(proof):
+    """The gain of the true model goes into the score of its case, and is not worked out again."""
+    proving, result, _ = proof
+    weighed = []
+
+    def gauge(recording, model, truth):
+        weighed.append((recording.parent.name, model.name, truth["family"]))
+        return 12.5
+
+    gauged = Proving(proving.out, 2, 13, says_nothing, gauge=gauge)
+    again = gauged.run(lambda _: None)
+    effects = [j.case for j in result.judged if j.family == "catalogue"]
+    assert effects
+    assert weighed == [(case, "model.toml", "catalogue") for case in effects]
+    assert {j.case: j.true_gain_nats for j in again.judged if j.true_gain_nats} == dict.fromkeys(effects, 12.5)
+    gauged.run(lambda _: None)
+    assert len(weighed) == len(effects)
+
+
+def test_gains_are_counted_as_shares_of_the_true_models():
+    """Only effects whose true model gains 10 nats are counted as tellable; the share is that of those named right."""
+    hit = report("missing_physics", [finding("cubic_stiffness", coefficient=1.0)], gain_nats=30.0)
+    judged = [
+        judge("0001", truth(), hit, 40.0),
+        judge("0002", truth(), report(), 20.0),
+        judge("0003", truth(), report(), 3.0),
+    ]
+    score = count(judged)
+    rate = score.rates["effects named where the true model gains 10 nats"]
+    assert (rate.hits, rate.of) == (1, 2)
+    assert score.true_gain_share["median"] == pytest.approx(0.75)
+    assert any("that of the true model" in line for line in lines(score))
+
+
 def test_an_engine_that_fails(proof, tmp_path):
     """A diagnosis that raises counts as failed, keeps its traceback, and stops nobody else."""
     proving, _, _ = proof

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -15,11 +17,14 @@ from chatter_monitor.discrepancy.conclude import conclude
 from chatter_monitor.discrepancy.conclude_driven import conclude_driven
 from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
 from chatter_monitor.discrepancy.driven import examine_driven
+from chatter_monitor.discrepancy.oracle import gain_of
 from chatter_monitor.discrepancy.report import Report
 from chatter_monitor.discrepancy.show import page
 from chatter_monitor.discrepancy.show_driven import page_driven
 from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.physics.model_file import model_text, read_model
+from chatter_monitor.physics.parts import AppliedTerm, Mode
+from chatter_monitor.physics.terms import CATALOGUE
 from chatter_monitor.records import Flag
 
 
@@ -87,6 +92,25 @@ def diagnose_file(
     except OSError as error:
         raise EnvironmentFault(f"the diagnosis cannot be written: {error.strerror}", got=str(out)) from error
     return report, written
+
+
+def true_gain(file: Path, model: Path, truth: Mapping[str, Any]) -> float | None:
+    """What the true model of a recording gains on its held-out blocks, nats (`discrepancy.oracle`).
+
+    Parameters
+    ----------
+    file, model : Path
+        Recording and base model.
+    truth : mapping
+        ``names`` with the one term, its ``parameters`` (coefficients that are not given are 0, a cutting speed is 1),
+        ``frequency_hz`` and ``damping_ratio``.
+    """
+    system = read_model(model)
+    term = CATALOGUE[truth["names"][0]]
+    unsaid = {p.name: 0.0 if p.linear else 1.0 for p in term.parameters if p.default is None}
+    applied = AppliedTerm(term, unsaid | truth["parameters"])
+    mode = Mode(truth["frequency_hz"], truth["damping_ratio"])
+    return gain_of(_read(file, 0, None), system, replace(system, modes=(mode,), terms=(*system.terms, applied)))
 
 
 def lines(report: Report) -> list[str]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import soundfile
@@ -27,6 +28,9 @@ from chatter_monitor.errors import EnvironmentFault, InputError
 
 Diagnose = Callable[[Path, Path, Path], object]
 """Recording, base model and output directory; writes ``report.json`` there."""
+
+Gauge = Callable[[Path, Path, Mapping[str, Any]], float | None]
+"""Recording, base model and truth of a case; the gain of the true model."""
 
 
 class Proof(msgspec.Struct, frozen=True):
@@ -54,6 +58,8 @@ class Proving:
         processes, so it has to be a function of a module.
     jobs : int
         Processes.
+    gauge : callable, optional
+        What the true models gain; called once the key is open, for effects of the catalogue that act all along.
     """
 
     out: Path
@@ -61,6 +67,7 @@ class Proving:
     seed: int
     diagnose: Diagnose
     jobs: int = 1
+    gauge: Gauge | None = None
 
     def run(self, say: Callable[[str], None]) -> Proof:
         """Do what is left to do; `say` gets each line that the user should see.
@@ -78,7 +85,9 @@ class Proving:
             published = self._published.read_text(encoding="ascii").split()[0]
             say(f"{self.cases} cases in {self._cases}; the key is sealed, SHA-256 {published}")
             self._diagnose()
-            proof = self._score(open_key(self._key, self._published, self._cases), published)
+            truths = open_key(self._key, self._published, self._cases)
+            self._gauge(truths)
+            proof = self._score(truths, published)
             (self.out / "proof.json").write_bytes(msgspec.json.format(msgspec.json.encode(proof), indent=1) + b"\n")
             (self.out / "proof.html").write_text(
                 page(proof.judged, proof.score, published, self.seed), encoding="utf-8"
@@ -139,8 +148,33 @@ class Proving:
                 tasks.append(partial(_diagnose_case, self.diagnose, recordings[0], out))
         self._spread("diagnosing", tasks)
 
+    def _gauge(self, truths: Truths) -> None:
+        """What the true models gain, where that is not known yet."""
+        if self.gauge is None:
+            return
+        self._gains.mkdir(exist_ok=True)
+        left = {
+            name: truth
+            for name, truth in truths.items()
+            if truth["family"] == "catalogue" and not (self._gains / f"{name}.json").exists()
+        }
+        with _progress("true models", len(left)) as advance:  # each takes less than another process takes to begin
+            for name, truth in left.items():
+                recording = next((self._cases / name).glob("recording.*"))
+                gain = self.gauge(recording, recording.with_name("model.toml"), truth)
+                (self._gains / f"{name}.json").write_text(json.dumps(gain), encoding="ascii")
+                advance()
+
+    @property
+    def _gains(self) -> Path:
+        return self.out / "gains"
+
     def _score(self, truths: Truths, published: str) -> Proof:
-        judged = [judge(name, truths[name], _read(self.out / "diagnoses" / name / "report.json")) for name in truths]
+        judged = []
+        for name, truth in truths.items():
+            gain = self._gains / f"{name}.json"
+            true_gain = json.loads(gain.read_text(encoding="ascii")) if gain.exists() else None
+            judged.append(judge(name, truth, _read(self.out / "diagnoses" / name / "report.json"), true_gain))
         return Proof(self.cases, self.seed, published, count(judged), judged)
 
     def _spread(self, what: str, tasks: Sequence[Callable[[], None]]) -> None:

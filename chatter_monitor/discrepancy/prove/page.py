@@ -29,9 +29,10 @@ def lines(score: Score) -> Iterator[str]:
     for name, rate in score.rates.items():
         if rate.of:
             yield f"{name:<52} {_spoken(rate)}"
-    if score.gain_share:
-        q = score.gain_share
-        yield f"{'held-out gain over its bound, quartiles':<52} {q['q25']:.2f} {q['median']:.2f} {q['q75']:.2f}"
+    for over, q in (("its bound", score.gain_share), ("that of the true model", score.true_gain_share)):
+        if q:
+            label = f"held-out gain over {over}, quartiles"
+            yield f"{label:<52} {q['q25']:.2f} {q['median']:.2f} {q['q75']:.2f}"
     for name, p in score.p_uniform.items():
         yield f"{f'p-values of the {name} map uniform: p':<52} {p:.3g}"
     if score.elapsed_s:
@@ -78,7 +79,8 @@ spectrum (log-spectral distance from the best linear simulation, against linear 
 <table><tr><th>effect<th>strength<th>outcome</tr>{kinds}</table>
 <h2>Cases</h2>
 <p>Spectrum: log-spectral distance from the best linear simulation, and in brackets what 95 % of linear recordings stay
-below. Gain: on the held-out half, and in brackets the most that the true model can gain there.</p>
+below. Gain: on the held-out half, and in brackets what the true model gains there and
+the most that it could if the motion were known.</p>
 <table>
 <tr><th>case<th>hidden<th>strength<th>concealed<th>spectrum<th>normality p<th>answer<th>outcome<th>gain, nats</tr>
 {cases}</table>
@@ -89,8 +91,9 @@ below. Gain: on the held-out half, and in brackets the most that the true model 
 def _case_row(j: Judged) -> str:
     strength = "" if j.strength is None else f"{100 * j.strength:.1f} %"
     gain = "" if j.gain_nats is None else f"{j.gain_nats:.1f}"
-    if j.bound_nats is not None:
-        gain += f" ({j.bound_nats:.0f})"
+    most = [f"{each:.0f}" for each in (j.true_gain_nats, j.bound_nats) if each is not None]
+    if most:
+        gain += f" ({', '.join(most)})"
     return (
         f'<tr><td><a href="diagnoses/{j.case}/report.html">{j.case}</a></td><td>{html.escape(j.kind)}</td>'
         f"<td class=n>{strength}</td><td>{'yes' if j.concealed else 'no'}</td>"

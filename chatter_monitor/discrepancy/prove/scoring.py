@@ -55,6 +55,8 @@ class Judged(msgspec.Struct, frozen=True):
         Held-out gain.
     bound_nats : float, optional
         Most that the true model can gain on the held-out half (`information_nats`).
+    true_gain_nats : float, optional
+        What the true model gains there on the same recording, band and blocks.
     p_values : dict of str to float
         Of the maps of the base model.
     residual_white_p : float, optional
@@ -83,6 +85,7 @@ class Judged(msgspec.Struct, frozen=True):
     overlap: float | None = None
     gain_nats: float | None = None
     bound_nats: float | None = None
+    true_gain_nats: float | None = None
     p_values: dict[str, float] = {}
     residual_white_p: float | None = None
     elapsed_s: float | None = None
@@ -114,6 +117,8 @@ class Score(msgspec.Struct, frozen=True):
         Median and largest time of a diagnosis.
     gain_share : dict of str to float
         Median and quartiles of the gain over its bound, of effects named right.
+    true_gain_share : dict of str to float
+        The same over the gain of the true model, of those where that gains `TELLING_NATS`.
     """
 
     rates: dict[str, Rate]
@@ -122,6 +127,7 @@ class Score(msgspec.Struct, frozen=True):
     p_uniform: dict[str, float]
     elapsed_s: dict[str, float]
     gain_share: dict[str, float]
+    true_gain_share: dict[str, float] = {}
 
 
 def information_nats(truth: Mapping[str, Any], seconds: float) -> float | None:
@@ -150,8 +156,8 @@ def information_nats(truth: Mapping[str, Any], seconds: float) -> float | None:
     return float(amplitude**2 * w * seconds / (8.0 * truth["damping_ratio"]))
 
 
-def judge(case: str, truth: Mapping[str, Any], report: Report | None) -> Judged:
-    """Judge one answer; `report` is None where the diagnosis failed."""
+def judge(case: str, truth: Mapping[str, Any], report: Report | None, true_gain_nats: float | None = None) -> Judged:
+    """Judge one answer; `report` is None where the diagnosis failed, the true model's gain where there is none."""
     expected = " + ".join(truth["names"]) or truth["verdict"]
     fixed = {
         "case": case,
@@ -164,6 +170,7 @@ def judge(case: str, truth: Mapping[str, Any], report: Report | None) -> Judged:
         "concealed": truth["concealed"],
         **{name: truth["concealment"][name] for name in ("distance", "band95", "normality_p")},
         "bound_nats": information_nats(truth, 0.5 * truth["seconds"]),
+        "true_gain_nats": true_gain_nats,
     }
     if report is None:
         return Judged(answer="failed", outcome="failed", leads=False, sense_right=None, **fixed)
@@ -221,6 +228,7 @@ def count(judged: Sequence[Judged]) -> Score:
     outside = [j for j in judged if j.family == "outside"]
     faults = [j for j in judged if j.family == "fault"]
     telling = [j for j in hidden if (j.bound_nats or 0.0) >= TELLING_NATS]
+    tellable = [j for j in hidden if (j.true_gain_nats or 0.0) >= TELLING_NATS]
     found = ("wrong",)
     rates = {
         "effects named": _rate(j.outcome == "right" for j in hidden),
@@ -228,6 +236,7 @@ def count(judged: Sequence[Judged]) -> Score:
         "effects named, concealed cases": _rate(j.outcome == "right" for j in hidden if j.concealed),
         "effects named, visible cases": _rate(j.outcome == "right" for j in hidden if not j.concealed),
         "effects named where 10 nats or more could be gained": _rate(j.outcome == "right" for j in telling),
+        "effects named where the true model gains 10 nats": _rate(j.outcome == "right" for j in tellable),
         "effects named wrongly": _rate(j.outcome == "wrong" for j in hidden),
         "effects answered unknown": _rate(j.outcome == "abstained" for j in hidden),
         "effects missed": _rate(j.outcome == "missed" for j in hidden),
@@ -255,9 +264,14 @@ def count(judged: Sequence[Judged]) -> Score:
             for name in sorted({name for j in linear for name in j.p_values})
         },
         elapsed_s={"median": float(np.median(times)), "largest": max(times)} if times else {},
-        gain_share=dict(zip(("q25", "median", "q75"), np.quantile(shares, (0.25, 0.5, 0.75)).tolist(), strict=True))
-        if shares
-        else {},
+        gain_share=_quartiles(shares),
+        true_gain_share=_quartiles(
+            [
+                j.gain_nats / j.true_gain_nats
+                for j in tellable
+                if j.outcome == "right" and j.gain_nats and j.true_gain_nats
+            ]
+        ),
     )
 
 
@@ -270,6 +284,12 @@ def _rate(hits: Iterable[bool | None]) -> Rate:
         return Rate(0, 0, None, None)
     interval = stats.binomtest(sum(listed), len(listed)).proportion_ci(method="wilson")
     return Rate(sum(listed), len(listed), sum(listed) / len(listed), (float(interval.low), float(interval.high)))
+
+
+def _quartiles(shares: Sequence[float]) -> dict[str, float]:
+    if not shares:
+        return {}
+    return dict(zip(("q25", "median", "q75"), np.quantile(shares, (0.25, 0.5, 0.75)).tolist(), strict=True))
 
 
 def _confusion(judged: Sequence[Judged]) -> dict[str, dict[str, int]]:

@@ -91,6 +91,10 @@ def _gap(p: Array) -> dict[str, float]:
     return {"coefficient": float(p[0]), "gap": float(p[1])}
 
 
+def _cutting(p: Array) -> dict[str, float]:
+    return {"square": float(p[0] * p[2] / p[1] ** 2), "cube": float(p[0] * p[3] / p[1] ** 3)}
+
+
 def _delay_shapes(rng: np.random.Generator) -> list[float]:
     return [float(np.exp(rng.uniform(np.log(0.004), np.log(0.08))))]
 
@@ -134,7 +138,7 @@ CATALOGUE = (
         "cutting force v²",
         "cutting_force_nonlinearity",
         laws.CUTTING,
-        None,
+        _cutting,
         shapes=lambda rng: [1.0, rng.choice([-1.0, 1.0]), rng.uniform(-0.4, 0.0)],
         units="v11",
     ),
@@ -142,7 +146,7 @@ CATALOGUE = (
         "cutting force -v³",
         "cutting_force_nonlinearity",
         laws.CUTTING,
-        None,
+        _cutting,
         shapes=lambda rng: [1.0, rng.uniform(-0.15, 0.15), -1.0],
         units="v11",
     ),

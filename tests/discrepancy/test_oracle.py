@@ -1,0 +1,47 @@
+"""The gain of the true model, on recordings of an independent simulator."""
+
+from __future__ import annotations
+
+import soundfile
+
+from chatter_monitor.discrepancy.diagnosis import recorded_from
+from chatter_monitor.discrepancy.oracle import gain_of
+from chatter_monitor.physics.model import MachiningSystem
+from chatter_monitor.physics.parts import AppliedTerm, Mode
+from chatter_monitor.physics.terms import CATALOGUE
+from chatter_monitor.service.diagnosing import true_gain
+from tests.discrepancy.machine import Machine, coefficient, record
+
+SHORT = {"frequency_hz": 220.0, "seconds": 8.0}
+BASE = MachiningSystem((Mode(221.0, 0.022),))
+
+
+def with_cubic(value):
+    return MachiningSystem((Mode(220.0, 0.02),), (AppliedTerm(CATALOGUE["cubic_stiffness"], {"coefficient": value}),))
+
+
+def test_the_truth_gains_and_what_is_not_true_does_not():
+    """On a hardening machine the true coefficient gains, its opposite loses; on a linear machine the term loses."""
+    machine = Machine("hardening", 0.05, **SHORT)
+    hardening = recorded_from(record(machine, 121), machine.rate_hz)
+    true = coefficient(machine)
+    gain = gain_of(hardening, BASE, with_cubic(true))
+    assert gain > 20.0
+    assert gain_of(hardening, BASE, with_cubic(-true)) < 0.0
+    linear = recorded_from(record(Machine(**SHORT), 122), machine.rate_hz)
+    assert gain_of(linear, BASE, with_cubic(true)) < 0.0
+    assert abs(gain_of(linear, BASE, MachiningSystem((Mode(220.0, 0.02),)))) < 2.0
+
+
+def test_the_truth_of_a_key_is_weighed_from_files(tmp_path):
+    """A case of the proof: recording, base model, and the truth in the words of the key."""
+    machine = Machine("cutting", 0.08, **SHORT)
+    soundfile.write(tmp_path / "x.wav", record(machine, 123), int(machine.rate_hz), subtype="FLOAT")
+    (tmp_path / "m.toml").write_text("[[mode]]\nfrequency_hz = 221.0\ndamping_ratio = 0.022\n")
+    w = Mode(220.0, 0.02).omega
+    square = coefficient(machine)
+    truth = {"names": ["cutting_force_nonlinearity"], "frequency_hz": 220.0, "damping_ratio": 0.02}
+    both = {"square": square, "cube": -0.5 * square / w}
+    gain = true_gain(tmp_path / "x.wav", tmp_path / "m.toml", truth | {"parameters": both})
+    assert gain > 10.0
+    assert true_gain(tmp_path / "x.wav", tmp_path / "m.toml", truth | {"parameters": {"cube": 0.0}}) < gain
