@@ -106,6 +106,7 @@ def test_every_configuration_can_be_loaded(tmp_path: Path, block: Block) -> None
         load([file])
 
 
+@pytest.mark.timeout(900)  # kernels may have to be compiled first
 @pytest.mark.parametrize("block", [block for block in LISTENERS if block.mark == "python"], ids=named)
 def test_every_program_hears_a_replay(tmp_path: Path, block: Block) -> None:
     """A Python block runs as it stands, but for the port, and prints something while a recording is replayed."""

@@ -35,7 +35,7 @@ class Browser:
             *map(str, options),
             page.as_uri(),
         ]
-        return subprocess.run(command, capture_output=True, text=True, timeout=100, check=True)
+        return subprocess.run(command, capture_output=True, text=True, timeout=240, check=True)
 
     def complaints(self, page: Path) -> list[str]:
         """What the page says on the console."""

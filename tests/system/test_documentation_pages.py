@@ -10,7 +10,7 @@ from tests.system.browser import WIDTHS, Browser
 from tests.system.components import need
 from tests.test_documentation import DOCS, build
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(600)]
 
 PAGES = ("mathematics", "configuration")  # formulas with their font, and the longest table
 

@@ -15,7 +15,7 @@ import pytest
 from tests.pages import ROOT
 from tests.system.components import need, need_header
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(900)]
 
 SOURCE = ROOT / "docs" / "examples" / "subscriber.c"
 WAIT_S = 120.0
