@@ -94,7 +94,7 @@ def diagnose_file(
     return report, written
 
 
-def true_gain(file: Path, model: Path, truth: Mapping[str, Any]) -> float | None:
+def true_gain(file: Path, model: Path, truth: Mapping[str, Any]) -> float:
     """What the true model of a recording gains on its held-out blocks, nats (`discrepancy.oracle`).
 
     Parameters

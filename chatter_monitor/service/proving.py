@@ -29,7 +29,7 @@ from chatter_monitor.errors import EnvironmentFault, InputError
 Diagnose = Callable[[Path, Path, Path], object]
 """Recording, base model and output directory; writes ``report.json`` there."""
 
-Gauge = Callable[[Path, Path, Mapping[str, Any]], float | None]
+Gauge = Callable[[Path, Path, Mapping[str, Any]], float]
 """Recording, base model and truth of a case; the gain of the true model."""
 
 
