@@ -214,7 +214,7 @@ def _regeneration(spectrum: Periodogram, base: SpectralFit) -> Omission | None:
         return None
     step = min(0.01, 0.1 * period / nominal)
     shifts = np.arange(-_SPEED_ERROR, _SPEED_ERROR + 1e-9, max(step, _SPEED_ERROR / 12))
-    fits = [at(nominal * (1.0 + shift)) for shift in shifts]
+    fits = [at(float(nominal * (1.0 + shift))) for shift in shifts]  # it travels into the report
     best = min(fits, key=lambda each: each.nll)
     gain = base.nll - best.nll - 2.0
     if gain < NEEDED_NATS:

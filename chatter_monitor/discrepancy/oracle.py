@@ -36,7 +36,7 @@ def gain_of(recording: Recorded, base: MachiningSystem, true: MachiningSystem) -
     """
     _, recorded = in_band(recording, base)
     sensor = base.sensor
-    fitted = calibrate(recorded, Linear(base.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, base.spindle)).linear
+    fitted = calibrate(recorded, Linear(base.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, true.spindle)).linear
     before = Innovations(recorded, fitted, base.terms)
     signatures = [
         before.force(applied.term, unit) for applied in true.terms[len(base.terms) :] for unit in _units(applied)
@@ -44,7 +44,7 @@ def gain_of(recording: Recorded, base: MachiningSystem, true: MachiningSystem) -
     nll = _held_out_nll(before, before.used)
     gain = nll - _held_out_nll(before, before.used, before.respond(signatures))
     try:
-        after = Innovations(recorded, replace(fitted, modes=true.modes, spindle=true.spindle), true.terms)
+        after = Innovations(recorded, replace(fitted, modes=true.modes), true.terms)
     except Diverged:
         return gain
     used = before.used & after.used

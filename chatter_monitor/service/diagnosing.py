@@ -103,14 +103,19 @@ def true_gain(file: Path, model: Path, truth: Mapping[str, Any]) -> float:
         Recording and base model.
     truth : mapping
         ``names`` with the one term, its ``parameters`` (coefficients that are not given are 0, a cutting speed is 1),
-        ``frequency_hz`` and ``damping_ratio``.
+        ``frequency_hz`` and ``damping_ratio``; for a delay its ``amplitude``, of which the second number
+        is the delay in seconds (the speed in the model file may be off).
     """
     system = read_model(model)
     term = CATALOGUE[truth["names"][0]]
     unsaid = {p.name: 0.0 if p.linear else 1.0 for p in term.parameters if p.default is None}
     applied = AppliedTerm(term, unsaid | truth["parameters"])
     mode = Mode(truth["frequency_hz"], truth["damping_ratio"])
-    return gain_of(_read(file, 0, None), system, replace(system, modes=(mode,), terms=(*system.terms, applied)))
+    spindle = system.spindle
+    if term.delayed and spindle is not None:
+        spindle = replace(spindle, speed_rpm=60.0 / (spindle.teeth * truth["amplitude"][1]))
+    true = replace(system, modes=(mode,), terms=(*system.terms, applied), spindle=spindle)
+    return gain_of(_read(file, 0, None), system, true)
 
 
 def lines(report: Report) -> list[str]:

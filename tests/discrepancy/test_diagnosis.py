@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -145,3 +147,11 @@ def test_the_gain_of_the_sensor_changes_nothing():
         report = conclude(examine(recorded_from(gain * samples, 12800.0), model)).report
         answers.append(report.terms[0].parameters["coefficient"].value)
     assert answers[0] == pytest.approx(answers[1], rel=1e-3)
+
+
+def test_a_delay_that_was_found_travels_as_json():
+    """Regeneration at a speed that is 1 % off is located by its lag, and the report can be written."""
+    machine = Machine("delay", 0.02, **SHORT)
+    modes = (Mode(machine.frequency_hz, machine.damping_ratio),)
+    report = diagnosed(machine, 103, MachiningSystem(modes, spindle=Spindle(60.0 / machine.delay_s * 1.01))).report
+    assert json.loads(report.to_json())["located"]["lag_s"] == pytest.approx(machine.delay_s, rel=0.003)

@@ -53,3 +53,21 @@ def test_the_truth_of_a_key_is_weighed_from_files(tmp_path):
     assert gain > 10.0
     drag = truth | {"names": ["quadratic_damping"], "parameters": {}}
     assert true_gain(tmp_path / "x.wav", tmp_path / "m.toml", drag) < 0.5 * gain
+
+
+def test_a_delay_is_weighed_at_its_true_length(tmp_path):
+    """The speed in the model file is 3 % off; the true delay gains what one of another length does not."""
+    machine = Machine("delay", 0.03, **SHORT)
+    soundfile.write(tmp_path / "x.wav", record(machine, 124), int(machine.rate_hz), subtype="FLOAT")
+    mode = "[[mode]]\nfrequency_hz = 221.0\ndamping_ratio = 0.022\n"
+    (tmp_path / "m.toml").write_text(f"{mode}[spindle]\nspeed_rpm = {60.0 / machine.delay_s * 1.03}\n")
+    size = coefficient(machine)
+    truth = {"names": ["regenerative_delay"], "parameters": {"coefficient": size}, "frequency_hz": 220.0}
+    gains = [
+        true_gain(
+            tmp_path / "x.wav", tmp_path / "m.toml", truth | {"damping_ratio": 0.02, "amplitude": [size, delay_s]}
+        )
+        for delay_s in (machine.delay_s, 1.3 * machine.delay_s)
+    ]
+    assert gains[0] > 10.0
+    assert gains[1] < 0.5 * gains[0]
