@@ -1,10 +1,78 @@
-"""How well multiples of a frequency explain the lines of a spectrum."""
+"""Lines of a spectrum, and how well multiples of a frequency, or a vibration with its sidebands, explain them."""
 
 import math
 
+import numpy as np
 from numba import njit
 
+from chatter_monitor.kernels.median import median
 from chatter_monitor.kernels.options import OPTIONS
+
+FLOOR_BINS = 128
+# What a self-excited vibration brings along: multiples of its frequency, and sidebands on either side of each.
+OVERTONES = 3
+SIDEBANDS = 4
+FORCED = 8  # and multiples of the sidebands' spacing
+PARTS = 3  # the distance of two sidebands is up to so many times their spacing
+
+
+@njit(**OPTIONS)
+def crests(power, line_to_noise, lowest, scratch, peaks):
+    """Local maxima of a spectrum that stand out of the noise around them.
+
+    Parameters
+    ----------
+    power : ndarray of float64, shape (n,)
+        A multiple of `FLOOR_BINS`. The noise of so many is the median of every second one (neighbours know little that
+        is new) of an exponential distribution.
+    line_to_noise : float
+        Least ratio of a maximum to the noise.
+    lowest : int
+        First bin that counts.
+    scratch : ndarray of float64, shape (FLOOR_BINS / 2,)
+        Work space.
+    peaks : ndarray of int64, shape (n,)
+        The result: their bins.
+
+    Returns
+    -------
+    int
+        How many there are.
+    """
+    count = 0
+    middle = FLOOR_BINS // 4
+    for begin in range(0, power.shape[0], FLOOR_BINS):
+        for i in range(FLOOR_BINS // 2):
+            scratch[i] = power[begin + 2 * i]
+        upper = median(scratch)
+        lower = scratch[0]
+        for i in range(1, middle):
+            lower = max(lower, scratch[i])
+        threshold = line_to_noise * (0.5 * (lower + upper) / math.log(2.0))
+        for b in range(max(begin, lowest, 1), min(begin + FLOOR_BINS, power.shape[0] - 1)):
+            if power[b] > threshold and power[b] > power[b - 1] and power[b] >= power[b + 1]:
+                peaks[count] = b
+                count += 1
+    return count
+
+
+@njit(**OPTIONS)
+def apart(frequencies, least, kept):
+    """Put the indices of the first lines that are at least so far (``least``, Hz) from all before into ``kept``.
+
+    Returns how many were found; ``kept`` has room for as many as are wanted.
+    """
+    count = 0
+    for i in range(frequencies.shape[0]):
+        if count == kept.shape[0]:
+            break
+        alone = True
+        for k in range(count):
+            alone = alone and abs(frequencies[i] - frequencies[kept[k]]) > least[i]
+        if alone:
+            kept[count] = i
+            count += 1
+    return count
 
 
 @njit(**OPTIONS)
@@ -50,3 +118,78 @@ def surprise(frequencies, tolerances, low, high, candidates, gains, hits):
             if made == candidates.shape[0]:
                 return made
     return made
+
+
+@njit(**OPTIONS)
+def best_family(frequencies, tolerances, surprises, choices, best):
+    """Lines that a self-excited vibration explains best: its overtones, sidebands around them, forced lines beside.
+
+    The sidebands' spacing is that of two lines, or a part of it; a vibration that is a multiple of the spacing is not
+    self-excited for all that can be seen.
+
+    Parameters
+    ----------
+    frequencies, tolerances : ndarray of float64, shape (lines,)
+        As in `surprise`.
+    surprises : ndarray of float64, shape (lines,)
+        -ln(chance) that the line is on one of the family's places.
+    choices : ndarray of float64, shape (lines,)
+        Logarithm of the number of ways to choose so many more lines than two.
+    best : ndarray of bool, shape (2, lines)
+        The result: which lines the best vibration brings along; the second row is work space.
+
+    Returns
+    -------
+    float
+        Log odds against chance of the best, counted as for a comb. Two lines are on it for certain.
+    """
+    n = frequencies.shape[0]
+    best[:] = False
+    widest = 0.0
+    for i in range(n):
+        widest = max(widest, tolerances[i])
+    evidence = -math.inf
+    tried = 0
+    for second in range(n):
+        for first in range(n):
+            carrier = frequencies[first]
+            for part in range(1, PARTS + 1):
+                spacing = abs(frequencies[second] - carrier) / part
+                if not spacing > 10.0 * widest:
+                    continue
+                if not abs(carrier - np.rint(carrier / spacing) * spacing) > 2.0 * tolerances[first]:
+                    continue
+                tried += 1
+                gain = _gain_of_family(carrier, spacing, frequencies, tolerances, surprises, choices, best[1])
+                if gain > evidence:
+                    evidence = gain
+                    for i in range(n):
+                        best[0, i] = best[1, i]
+    return evidence - math.log(tried) if tried > 0 else evidence
+
+
+@njit(**OPTIONS)
+def _gain_of_family(carrier, spacing, frequencies, tolerances, surprises, choices, brought):
+    """Log odds of one vibration with these sidebands; ``brought`` is filled with the lines that are not forced."""
+    total = 0.0
+    rarest = 0.0
+    next_rarest = 0.0
+    members = 0
+    hits = 0
+    for i in range(frequencies.shape[0]):
+        member = False
+        for overtone in range(1, OVERTONES + 1):
+            away = frequencies[i] - overtone * carrier
+            sideband = np.rint(away / spacing)
+            member = member or (abs(sideband) <= SIDEBANDS and abs(away - sideband * spacing) <= 2.0 * tolerances[i])
+        # forced lines at the spacing itself go well with it
+        multiple = np.rint(frequencies[i] / spacing)
+        forced = 1 <= multiple <= FORCED and abs(frequencies[i] - multiple * spacing) <= 2.0 * tolerances[i]
+        brought[i] = member and not forced
+        members += member
+        if member or forced:
+            hits += 1
+            total += surprises[i]
+            next_rarest = max(next_rarest, min(surprises[i], rarest))
+            rarest = max(rarest, surprises[i])
+    return total - rarest - next_rarest - choices[max(hits - 2, 0)] if members >= 3 else -math.inf

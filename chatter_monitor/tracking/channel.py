@@ -65,7 +65,7 @@ class Channel:
         source_rate_hz: float | None = None,
     ) -> None:
         self._rate_hz = rate_hz = tracker.sample_rate_hz
-        self._orders = OrderTracker(orders, rate_hz, spindle)
+        self._orders = OrderTracker(orders, rate_hz, spindle, turn=channel)
         self._tracker = Tracker(tracker, channel, source_rate_hz)
         self._spectrum = Spectrum(rate_hz, round(INTERVAL_S * rate_hz))
         self._waiting: deque[Orders] = deque()

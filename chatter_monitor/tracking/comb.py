@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
-from chatter_monitor.kernels.comb import surprise
+from chatter_monitor.kernels import comb as kernel
 
 # Power of a line over the noise around it; noise alone reaches it about once in twenty spectra.
 LINE_TO_NOISE = 17.0
-FLOOR_BINS = 128
 STRONGEST = 12
 # Lines below this share of the strongest one's power (-26 dB) are left alone: there are products of stronger lines, and
 # little to take out.
@@ -29,10 +28,8 @@ EXACT_BINS = 0.7
 EXACT_SHARE = 3e-4
 # Log odds by which a comb has to be ahead of that: a false comb hides chatter, a missed one costs time.
 AHEAD = 3.0
-# What a self-excited vibration brings along: multiples of its frequency, and sidebands on either side of each.
-OVERTONES = 3
-SIDEBANDS = 4
-FORCED = 8  # and multiples of the sidebands' spacing
+# Where the lines of a self-excited vibration may be: its overtones with their sidebands, and forced lines beside them.
+PLACES = kernel.OVERTONES * (2 * kernel.SIDEBANDS + 1) + kernel.FORCED
 # Log of the odds against chance, over all the combs that were tried.
 ENOUGH = math.log(1000.0)
 
@@ -123,32 +120,24 @@ class Spectrum:
         self._bin_hz = sample_rate_hz / self._size
         self._lowest_hz = lowest_hz
         self._exact_hz = EXACT_BINS * sample_rate_hz / samples
+        self._scratch = np.empty(kernel.FLOOR_BINS // 2)
+        self._peaks = np.empty(self._size // 2, np.int64)
+        self._kept = np.empty(STRONGEST, np.int64)
 
     def lines(self, samples: NDArray[np.float64]) -> Lines:
         """The strongest lines that stand out of the noise around them."""
         spectrum = np.fft.rfft(samples * self._window, self._size)[:-1]
         power = spectrum.real**2 + spectrum.imag**2
-        inner, threshold = power[1:-1], LINE_TO_NOISE * _floor(power)[1:-1]
-        peaks = np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]) & (inner > threshold)) + 1
-        peaks = peaks[peaks * self._bin_hz >= self._lowest_hz]
+        lowest = math.ceil(self._lowest_hz / self._bin_hz)
+        peaks = self._peaks[: kernel.crests(power, LINE_TO_NOISE, lowest, self._scratch, self._peaks)]
         peaks = peaks[power[peaks] >= FAINTEST * power[peaks].max(initial=0.0)]
         strongest = peaks[np.argsort(-power[peaks], kind="stable")][: 4 * STRONGEST]
         left, middle, right = (np.log(power[strongest + shift]) for shift in (-1, 0, 1))
         frequency = (strongest + 0.5 * (left - right) / (left - 2.0 * middle + right)) * self._bin_hz
         tolerance = self._exact_hz + EXACT_SHARE * frequency
-        kept: list[int] = []
-        for i in range(len(frequency)):
-            # a line whose frequency moves has several crests
-            if all(abs(frequency[i] - frequency[j]) > 3.0 * tolerance[i] for j in kept):
-                kept.append(i)
-        kept = kept[:STRONGEST]
+        # a line whose frequency moves has several crests
+        kept = self._kept[: kernel.apart(frequency, 3.0 * tolerance, self._kept)]
         return Lines(frequency[kept], tolerance[kept])
-
-
-def _floor(power: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Noise level at every bin: from the median of its stretch, of an exponential distribution."""
-    every_second = power.reshape(-1, FLOOR_BINS)[:, ::2]  # neighbours know little that is new
-    return np.repeat(np.median(every_second, axis=1) / math.log(2.0), FLOOR_BINS)
 
 
 def find_comb(lines: Lines, target: Target) -> Comb | None:
@@ -168,7 +157,7 @@ def _best_comb(lines: Lines, target: Target) -> Comb | None:
     frequency = lines.frequency_hz
     room = int(np.sum(frequency / target.low_hz)) + 1
     candidates, gains, hits = np.empty(room), np.empty(room), np.empty(room, dtype=np.int64)
-    made = surprise(frequency, lines.tolerance_hz, target.low_hz, target.high_hz, candidates, gains, hits)
+    made = kernel.surprise(frequency, lines.tolerance_hz, target.low_hz, target.high_hz, candidates, gains, hits)
     gains = gains[:made] - _choices(len(frequency) - 1, hits[:made] - 1) - math.log(max(1, made))
     promising = np.flatnonzero(gains > ENOUGH)
     for i in promising[np.argsort(-gains[promising], kind="stable")]:
@@ -180,9 +169,6 @@ def _best_comb(lines: Lines, target: Target) -> Comb | None:
 def _best_family(lines: Lines) -> tuple[float, NDArray[np.bool_]]:
     """Lines that a self-excited vibration explains best: its overtones, sidebands around them, the forced lines beside.
 
-    The sidebands' spacing is that of two lines, or a part of it; a vibration that is a multiple of the spacing is not
-    self-excited for all that can be seen.
-
     Returns
     -------
     float
@@ -191,33 +177,11 @@ def _best_family(lines: Lines) -> tuple[float, NDArray[np.bool_]]:
         Which lines these are, without the forced ones.
     """
     frequency, tolerance = lines.frequency_hz, lines.tolerance_hz
-    n = len(frequency)
-    first, second, part = (index.ravel() for index in np.meshgrid(np.arange(n), np.arange(n), [1, 2, 3]))
-    carrier = frequency[first]
-    spacing = np.abs(frequency[second] - carrier) / part
-    with np.errstate(divide="ignore", invalid="ignore"):
-        off_multiple = np.abs(carrier - np.round(carrier / spacing) * spacing)
-    tried = (spacing > 10.0 * tolerance.max()) & (off_multiple > 2.0 * tolerance[first])
-    if not tried.any():
-        return -math.inf, np.zeros(n, dtype=bool)
-    carrier, spacing = carrier[tried, np.newaxis, np.newaxis], spacing[tried, np.newaxis, np.newaxis]
-    from_overtone = frequency - np.arange(1, OVERTONES + 1)[:, np.newaxis] * carrier  # candidate, overtone, line
-    sideband = np.round(from_overtone / spacing)
-    near = np.abs(from_overtone - sideband * spacing) <= 2.0 * tolerance
-    family: NDArray[np.bool_] = np.any(near & (np.abs(sideband) <= SIDEBANDS), axis=1)
-    # forced lines at the spacing itself go well with it
-    multiple = np.round(frequency / spacing[:, 0])
-    forced = (np.abs(frequency - multiple * spacing[:, 0]) <= 2.0 * tolerance) & (multiple >= 1) & (multiple <= FORCED)
-    on = family | forced
-    places = OVERTONES * (2 * SIDEBANDS + 1) + FORCED
-    chance = np.minimum(1.0, places * 4.0 * tolerance / frequency.max())
-    surprises = np.sort(np.where(on, -np.log(chance), 0.0), axis=1)
-    # two lines are on it for certain
-    hits = on.sum(axis=1)
-    evidence = surprises[:, :-2].sum(axis=1) - _choices(n - 2, hits - 2) - math.log(len(hits))
-    evidence[family.sum(axis=1) < 3] = -math.inf
-    best = int(np.argmax(evidence))
-    return float(evidence[best]), family[best] & ~forced[best]
+    surprises = -np.log(np.minimum(1.0, PLACES * 4.0 * tolerance / frequency.max()))
+    choices = _choices(len(frequency) - 2, np.arange(len(frequency)))
+    family = np.empty((2, len(frequency)), np.bool_)
+    evidence = kernel.best_family(frequency, tolerance, surprises, choices, family)
+    return evidence, family[0]
 
 
 def _choices(n: int, k: NDArray[np.int64]) -> NDArray[np.float64]:

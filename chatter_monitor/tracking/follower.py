@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.tracking.comb import Lines, Spectrum, Target, find_comb
+from chatter_monitor.tracking.comb import Comb, Lines, Spectrum, Target, find_comb
 from chatter_monitor.tracking.harmonics import Harmonics
+from chatter_monitor.tracking.turns import TURNS, Piecemeal, in_turn
 
 # Doubt about a speed that was averaged over the search window: it wanders.
 START_SD = 0.002
-CHECK_FRAMES = 5  # from one look at whether it still is a comb to the next, or there is one near a known speed
+CHECK_FRAMES = 5  # from one look at whether it still is a comb to the next
+CATCH_UP_FRAMES = 16  # of the past that a new comb is followed through while one comes in
 
 
 class CombFollower:
     """Looks for a comb in a long stretch of the signal, and takes it out of what comes.
 
     What is found is followed through that stretch first. Only if its harmonics were steady there is it taken out, and
-    then it is known when the next sample comes.
+    then it is known when the next sample comes. The search is shared out over frames (`tracking.turns`).
 
     Parameters
     ----------
@@ -29,6 +32,8 @@ class CombFollower:
         Samples of a frame, the grid on which it looks and learns.
     sample_rate_hz, window_s, memory_s, lowest_hz, lost_s : float
         As in `OrderSettings`.
+    turn : int
+        Frame of a round in which it looks.
     """
 
     def __init__(
@@ -41,15 +46,19 @@ class CombFollower:
         memory_s: float,
         lowest_hz: float,
         lost_s: float,
+        turn: int = 0,
     ) -> None:
         self.harmonics: Harmonics | None = None
         self._target = target
         self._rate_hz = sample_rate_hz
         self._memory_s = memory_s
         self._lowest_hz = lowest_hz
-        self._past = np.zeros((max(2, math.floor(window_s * sample_rate_hz / frame)), frame))
+        self._turn = turn
+        self._window = max(2, math.floor(window_s * sample_rate_hz / frame))
+        self._past = np.zeros((self._window + TURNS, frame))
         self._heard = 0  # frames of the past that can be looked through
         self._rest = 0  # frames until the next search
+        self._search: Piecemeal[Harmonics | None] | None = None
         self._spectra: dict[int, Spectrum] = {}
         self._frames = 0
         self._patience = lost_s * sample_rate_hz / frame
@@ -58,12 +67,14 @@ class CombFollower:
     def aim(self, target: Target) -> None:
         """Look for something else; what is followed stays if it is that, too."""
         self._target = target
+        self._search = None
         if self.harmonics is not None and not target.admits(self.harmonics.rotation_hz):
             self.harmonics = None
 
     def forget(self) -> None:
         """Listen anew: the past is no longer like what comes."""
         self._heard = 0
+        self._search = None
 
     def subtract(self, samples: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Write to ``out`` what remains of samples, shape (n,) both; missing samples are not finite."""
@@ -92,22 +103,38 @@ class CombFollower:
             self.harmonics.learn()
             self._check(self.harmonics)
         present = np.isfinite(samples)
-        heard = bool(present.all())
-        self._past[self._frames % len(self._past)] = samples if heard else np.where(present, samples, 0.0)
-        self._heard = min(self._heard + 1, len(self._past)) if heard else 0
+        if present.all():
+            self._past[self._frames % len(self._past)] = samples
+            self._heard = min(self._heard + 1, self._window)
+        else:
+            self._past[self._frames % len(self._past)] = np.where(present, samples, 0.0)
+            self.forget()
         self._rest -= 1
-        if self.harmonics is not None or self._rest > 0:
-            return False
+        if self.harmonics is None and self._rest <= 0 and self._search is None:
+            self._search = self._begin(taken_hz)
+        return self._search is not None and self._go_on(self._search)
+
+    def _begin(self, taken_hz: float | None) -> Piecemeal[Harmonics | None] | None:
+        """Begin a search, if enough has been heard."""
         # A range that is narrow needs less to be sure. A speed that wanders blurs a line the more the longer one looks,
         # and is steady enough at one time or another.
         known = self._target.teeth is not None
-        lengths = [
-            n for n in ((len(self._past) // 2, len(self._past)) if known else (len(self._past),)) if n <= self._heard
-        ]
+        lengths = [n for n in ((self._window // 2, self._window) if known else (self._window,)) if n <= self._heard]
         if not lengths:
-            return False
-        self._rest = CHECK_FRAMES if known else len(self._past) // 2
-        return any(self._search(frames, taken_hz) for frames in lengths)
+            return None
+        self._rest = 0 if known else self._window // 2
+        return self._look(lengths, taken_hz)
+
+    def _go_on(self, search: Piecemeal[Harmonics | None]) -> bool:
+        """Do a frame's part of a search; tell whether it has found a comb."""
+        try:
+            next(search)
+        except StopIteration as over:
+            self._search = None
+            self.harmonics = over.value
+            self._doubtful_frames = 0
+            return self.harmonics is not None
+        return False
 
     def _check(self, harmonics: Harmonics) -> None:
         """Give up a comb that has not been one for too long."""
@@ -120,32 +147,44 @@ class CombFollower:
             self.harmonics = None
 
     def _lines(self, past: NDArray[np.float64]) -> Lines:
-        if len(past) not in self._spectra:  # there are two lengths, all of the past and half of it
+        if len(past) not in self._spectra:  # there are few lengths: the window, and halves of it
             self._spectra[len(past)] = Spectrum(past.size, self._rate_hz, self._lowest_hz)
         return self._spectra[len(past)].lines(past.ravel())
 
-    def _search(self, frames: int, taken_hz: float | None) -> bool:
-        """Look through the last frames for a comb, and follow it from there to now."""
-        last = np.arange(self._frames - frames + 1, self._frames + 1) % len(self._past)
-        past = self._past[last]
+    def _latest(self, frames: int) -> NDArray[np.float64]:
+        return self._past[np.arange(self._frames - frames + 1, self._frames + 1) % len(self._past)]
+
+    def _look(self, lengths: list[int], taken_hz: float | None) -> Piecemeal[Harmonics | None]:
+        """Look for a comb in so many of the last frames, and follow it from there to now."""
+        for frames in lengths:
+            comb = yield from in_turn(self._turn, partial(self._comb_of, self._latest(frames), taken_hz))
+            harmonics = None if comb is None else (yield from self._follow(comb, frames))
+            if harmonics is not None:
+                return harmonics
+        return None
+
+    def _comb_of(self, past: NDArray[np.float64], taken_hz: float | None) -> Comb | None:
         lines = self._lines(past)
-        if taken_hz is not None:
-            lines = lines.without(lines.on(taken_hz))
-        comb = find_comb(lines, self._target)
-        if comb is None:
-            return False
+        return find_comb(lines if taken_hz is None else lines.without(lines.on(taken_hz)), self._target)
+
+    def _follow(self, comb: Comb, frames: int) -> Piecemeal[Harmonics | None]:
+        """Follow a comb that was found a round ago through the frames in which it was found, and on to now."""
         sd_hz = max(comb.fundamental_sd_hz, START_SD * comb.fundamental_hz)
         harmonics = Harmonics(
             comb.fundamental_hz, sd_hz, self._rate_hz, memory_s=self._memory_s, lowest_hz=self._lowest_hz
         )
-        for samples in past:
-            harmonics.subtract(samples, np.empty(len(samples)))
-            harmonics.learn()
+        nothing = np.empty(self._past.shape[1])
+        behind = frames + TURNS
+        while behind:
+            for samples in self._latest(behind)[:CATCH_UP_FRAMES]:
+                harmonics.subtract(samples, nothing)
+                harmonics.learn()
+                behind -= 1
+            if behind:
+                yield
+                behind += 1
         # A self-excited vibration that crosses an order takes the harmonics along, away from where the other lines are.
         now_hz = harmonics.rotation_hz
-        on_lines = self._lines(past[len(past) // 2 :]).orders(now_hz)
-        if not (self._target.stands(harmonics.clear(), now_hz) and self._target.stands(on_lines, now_hz)):
-            return False
-        self.harmonics = harmonics
-        self._doubtful_frames = 0
-        return True
+        on_lines = self._lines(self._latest(frames - frames // 2)).orders(now_hz)
+        stands = self._target.stands(harmonics.clear(), now_hz) and self._target.stands(on_lines, now_hz)
+        return harmonics if stands else None

@@ -114,9 +114,11 @@ class OrderTracker:
         Rate of the samples.
     spindle : SpindleSettings
         Speed and teeth, where known.
+    turn : int
+        Frame of a round in which it looks for combs (`tracking.turns`).
     """
 
-    def __init__(self, settings: OrderSettings, sample_rate_hz: float, spindle: SpindleSettings) -> None:
+    def __init__(self, settings: OrderSettings, sample_rate_hz: float, spindle: SpindleSettings, turn: int = 0) -> None:
         self._settings = settings
         self._spindle = spindle
         self._rate_hz = sample_rate_hz
@@ -131,6 +133,7 @@ class OrderTracker:
                 memory_s=settings.memory_s,
                 lowest_hz=settings.lowest_hz,
                 lost_s=settings.lost_s,
+                turn=turn,
             )
             for target in (self._target(), anything)
         ]
