@@ -35,6 +35,10 @@ FIRST_DAMPING = 1e-3
 CONVERGED = 0.02  # nats that a step promises: a fifth of a standard deviation, and the step is still taken
 LARGEST_STEP = (2.0, 2.0, 0.02, 0.5, 0.1, 0.01, 2.0)
 
+# Indices of what a climb keeps from piece to piece: the negative log-posterior where it is, Levenberg's damping, and
+# how many steps it may still take.
+VALUE, DAMPING, STEPS_LEFT = range(3)
+
 
 @njit(**OPTIONS)
 def whittle(theta, first, bin_width, log_frequency, periodogram, used, window, work, score, information):
@@ -177,34 +181,46 @@ def stabilise(theta):
 
 
 @njit(**OPTIONS)
-def climb(theta, likelihood, steps, space, information):
-    """Fisher scoring with Levenberg's damping; returns the negative log-posterior where it ends.
+def begin_climb(theta, likelihood, steps, space, information, progress):
+    """Begin a climb of so many steps at most; arguments as of `climb`."""
+    progress[VALUE] = posterior(theta, likelihood, space[0], information)
+    progress[DAMPING] = FIRST_DAMPING
+    progress[STEPS_LEFT] = steps
+
+
+@njit(**OPTIONS)
+def climb(theta, likelihood, steps, space, information, progress):
+    """Fisher scoring with Levenberg's damping, so many steps of it; returns whether there are more to take.
 
     Parameters
     ----------
     theta : ndarray of float64, shape (7,)
         Where to start; overwritten with where it ends.
     likelihood : Likelihood
-        Its first row of ``work`` is left as by `whittle` for the result.
+        When the climb is over, the first row of its ``work`` is left as by `whittle` for the result.
     steps : int
         At most.
     space : ndarray of float64, shape (18, 7)
-        Work space.
+        Kept from piece to piece; the first row is the negative gradient.
     information : ndarray of float64, shape (7, 7)
-        Filled with the expected Hessian at the result.
+        Expected Hessian, at the result in the end.
+    progress : ndarray of float64, shape (3,)
+        At the indices above.
     """
     score, ahead, ahead_score, step = space[0], space[1], space[2], space[3]
     ahead_information, damped = space[4:11], space[11:18]
-    value = posterior(theta, likelihood, score, information)
-    damping = FIRST_DAMPING
     rejected = False
     for _ in range(steps):
+        if not progress[STEPS_LEFT] > 0.0:
+            break
+        progress[STEPS_LEFT] -= 1.0
         for i in range(PARAMETERS):
             step[i] = score[i]
             for j in range(PARAMETERS):
                 damped[i, j] = information[i, j]
-            damped[i, i] += damping * (information[i, i] + 1e-12)
+            damped[i, i] += progress[DAMPING] * (information[i, i] + 1e-12)
         if not solve(damped, step):  # a spectrum that is all line tells nothing of some parameter
+            progress[STEPS_LEFT] = 0.0
             break
         longest = 1.0
         for i in range(PARAMETERS):
@@ -216,21 +232,22 @@ def climb(theta, likelihood, steps, space, information):
             ahead[i] = theta[i] + step[i]
         stabilise(ahead)
         trial = posterior(ahead, likelihood, ahead_score, ahead_information)
-        rejected = not trial < value
+        rejected = not trial < progress[VALUE]
         if rejected:
-            damping *= 8.0
+            progress[DAMPING] *= 8.0
         else:
-            damping *= 0.2
-            value = trial
+            progress[DAMPING] *= 0.2
+            progress[VALUE] = trial
             for i in range(PARAMETERS):
                 theta[i], score[i] = ahead[i], ahead_score[i]
                 for j in range(PARAMETERS):
                     information[i, j] = ahead_information[i, j]
         if promised < CONVERGED:
-            break
-    if rejected:  # the spectrum that is left behind shall be that of the result
+            progress[STEPS_LEFT] = 0.0
+    more = progress[STEPS_LEFT] > 0.0
+    if rejected and not more:  # the spectrum that is left behind shall be that of the result
         posterior(theta, likelihood, ahead_score, ahead_information)
-    return value
+    return more
 
 
 @njit(**OPTIONS)

@@ -70,14 +70,15 @@ class Channel:
         self._spectrum = Spectrum(rate_hz, round(INTERVAL_S * rate_hz))
         self._waiting: deque[Orders] = deque()
         self._spindle = spindle
-        self._margin = MarginTracker(MarginSettings(), rate_hz, spindle.teeth)
+        self._channel = channel
+        self._margin = MarginTracker(MarginSettings(), rate_hz, spindle.teeth, turn=channel)
         self._last_margin = Margin(reason="too little signal yet")
 
     def set_spindle(self, spindle: SpindleSettings) -> None:
         """Go by another speed or number of teeth from now on."""
         self._orders.set_spindle(spindle)
         if spindle.teeth != self._spindle.teeth:
-            self._margin = MarginTracker(MarginSettings(), self._rate_hz, spindle.teeth)
+            self._margin = MarginTracker(MarginSettings(), self._rate_hz, spindle.teeth, turn=self._channel)
         self._spindle = spindle
 
     def process(

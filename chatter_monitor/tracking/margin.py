@@ -18,8 +18,9 @@ from chatter_monitor.errors import InputError
 from chatter_monitor.kernels.delay_roots import critical_coefficient, polish_root, rightmost_root
 from chatter_monitor.kernels.regeneration import KAPPA, LOG_OMEGA, LOG_TAU, LOG_ZETA
 from chatter_monitor.tracking.periodogram import AveragedPeriodogram, spindle_lines, strongest_peak_hz
-from chatter_monitor.tracking.regeneration import Band, Fit, Prior, fit, search
+from chatter_monitor.tracking.regeneration import Band, Fit, Pieces, Prior, fit, search
 from chatter_monitor.tracking.tracker import INTERVAL_S
+from chatter_monitor.tracking.turns import TURNS
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -27,6 +28,7 @@ Interval = tuple[float, float]
 SEGMENT_FRAMES = 50  # 2.5 s: bins of 0.4 Hz
 HOP_FRAMES = 10  # windows that overlap by four fifths lose nothing
 FRAMES_PER_FIT = 20
+_BINS_PER_FRAME = 3000  # evaluated in a fit, about: a quarter of a millisecond
 _LOWEST_HZ = 60.0  # of a mode; below are offset and drift
 _CONFIDENCE_95 = 1.96
 # Regeneration is visible when kappa is so many standard deviations above zero.
@@ -160,8 +162,9 @@ def _percent(ratio: float) -> float:
 class MarginTracker:
     """Regeneration of one channel: blocks in, a margin for every frame out.
 
-    Frames are those of the `Tracker`. A fit is made every twenty of them and holds until the next. Spindle harmonics
-    should have been removed from the signal; what is left of them is kept out of the fit.
+    Frames are those of the `Tracker`. Every twenty of them a fit begins, unless one is under way. It is shared out over
+    the frames, and its margin holds from its end until that of the next. Spindle harmonics should have been removed
+    from the signal; what is left of them is kept out of the fit.
 
     Parameters
     ----------
@@ -171,9 +174,11 @@ class MarginTracker:
         Of the signal.
     teeth : int
         Cutting edges that pass in one revolution.
+    turn : int
+        Frame of a round in which it transforms the signal (`tracking.turns`).
     """
 
-    def __init__(self, settings: MarginSettings, sample_rate_hz: float, teeth: int) -> None:
+    def __init__(self, settings: MarginSettings, sample_rate_hz: float, teeth: int, turn: int = 0) -> None:
         if teeth < 1:
             raise InputError("the number of teeth makes no sense", got=teeth, allowed="1 or more")
         self._settings = settings
@@ -186,12 +191,14 @@ class MarginTracker:
             settings.memory_s * sample_rate_hz,
             lowest_bin=math.ceil(_LOWEST_HZ / self._bin_hz),
         )
+        self._turn = turn % TURNS
         self._samples = 0
         self._rotation_hz: float | None = None
         self._margin = Margin(reason="the spindle speed is unknown")
         self._uncertainty = settings.speed_uncertainty
         self._renewed = False
         self._fit: Fit | None = None
+        self._under_way: Pieces[None] | None = None
         self._mode_hz = 0.0
         self._width = 0
 
@@ -214,19 +221,32 @@ class MarginTracker:
             if rotation_hz is None:  # the average begins with the first speed that is known
                 self._periodogram.skip(size)
             else:
-                self._renewed |= self._periodogram.take(samples[:size])
+                self._periodogram.take(samples[:size])
             samples = samples[size:]
             self._samples += size
-            due = self._samples % (FRAMES_PER_FIT * self._frame) == 0
-            if due and rotation_hz is not None:
-                if self._renewed:
-                    self._update(rotation_hz)
-                elif self._fit is not None:
-                    self._margin = Margin(reason="samples are missing, or nothing moves")
-                self._renewed = False
             if self._samples % self._frame == 0:
+                self._end_frame(rotation_hz)
                 margins.append(self._margin)
         return margins
+
+    def _end_frame(self, rotation_hz: float | None) -> None:
+        """Transform when it is its turn, begin a fit when a round is over, and go on with it."""
+        frame = self._samples // self._frame
+        if frame % HOP_FRAMES == self._turn:
+            self._renewed |= self._periodogram.add()
+        if frame % FRAMES_PER_FIT == TURNS and rotation_hz is not None:
+            if self._renewed:
+                self._under_way = self._under_way or self._update(rotation_hz)
+            elif self._fit is not None:
+                self._under_way = None
+                self._margin = Margin(reason="samples are missing, or nothing moves")
+            self._renewed = False
+        evaluated = 0
+        while self._under_way is not None and evaluated < _BINS_PER_FRAME:
+            try:
+                evaluated += next(self._under_way)
+            except StopIteration:
+                self._under_way = None
 
     def _follow_speed(self, rotation_hz: float | None, rotation_sd_hz: float | None) -> None:
         """Start anew when the teeth pass at another pace, because the comb of their delay is another one."""
@@ -246,26 +266,29 @@ class MarginTracker:
     def _start_anew(self, reason: str) -> None:
         self._periodogram.interrupt()
         self._fit = None
+        self._under_way = None
         self._renewed = False
         self._margin = Margin(reason=reason)
 
-    def _update(self, rotation_hz: float) -> None:
+    def _update(self, rotation_hz: float) -> Pieces[None]:
         """Fit the present average."""
         spectrum, windows = self._periodogram.spectrum, self._periodogram.windows
         lines = spindle_lines(spectrum, self._bin_hz, rotation_hz, windows)
+        yield _BINS_PER_FRAME
         strongest = strongest_peak_hz(spectrum, lines, self._bin_hz)
         if self._fit is None or abs(strongest / self._mode_hz - 1.0) > _OTHER_MODE:
             self._fit, self._mode_hz, self._width = None, strongest, 0
+        yield _BINS_PER_FRAME
         delay_s = 1.0 / (rotation_hz * self._teeth)
         theta = None if self._fit is None else self._fit.theta
         for width in range(self._width, len(_WIDTHS)):
             band = Band(spectrum, lines, self._bin_hz, self._mode_hz, _WIDTHS[width], windows)
             prior = Prior.of(delay_s, self._uncertainty, band.floor)
             if theta is None:
-                theta = search(band, prior).theta
+                theta = (yield from search(band, prior)).theta
             band.evaluate(theta)
             band.leave_out_outliers()
-            found = fit(band, prior, theta, _STEPS)
+            found = yield from fit(band, prior, theta, _STEPS)
             lack_of_fit = band.lack_of_fit
             self._fit, self._width = found, width
             self._margin = margin_of(found, lack_of_fit) if band.contrast > _STANDS_OUT else Margin(reason=_NO_MODE)

@@ -55,6 +55,7 @@ class AveragedPeriodogram:
         # how much two windows so many hops apart have in common
         self._overlap = np.array([squared[d:] @ squared[: segment - d] for d in range(0, segment, hop)])
         self._recent = np.zeros(segment)
+        self._complete: Array | None = None  # a window that waits for its transform
         self._filled = 0
         self._since_missing = 0
         self.restart()
@@ -70,6 +71,7 @@ class AveragedPeriodogram:
     def interrupt(self) -> None:
         """Forget the samples, too: no window may reach back beyond this moment."""
         self.restart()
+        self._complete = None
         self._since_missing = 0
 
     def skip(self, samples: int) -> None:
@@ -77,7 +79,7 @@ class AveragedPeriodogram:
         self._filled = (self._filled + samples) % self._hop
 
     def take(self, samples: Array) -> bool:
-        """Take the samples up to the next hop, at most; tell whether a window was added to the average.
+        """Take the samples up to the next hop, at most; tell whether there is a window to `add`, within the next hop.
 
         Raises
         ------
@@ -96,10 +98,11 @@ class AveragedPeriodogram:
         if self._filled < self._hop:
             return False
         self._age()
-        added = self._since_missing >= self._segment and self._add()
+        heard = self._since_missing >= self._segment and self._recent.any()
+        self._complete = self._window * self._recent if heard else None
         self._recent[: -self._hop] = self._recent[self._hop :]
         self._filled = 0
-        return added
+        return self._complete is not None
 
     @property
     def missing_to_hop(self) -> int:
@@ -119,11 +122,12 @@ class AveragedPeriodogram:
         """
         return self._area**2 * self._total**2 / (self._common * self._segment)
 
-    def _add(self) -> bool:
-        """Add the window that ends now; nothing is added in silence."""
-        if not self._recent.any():
+    def add(self) -> bool:
+        """Add the window that the last hop completed to the average; tell whether there was one with anything in it."""
+        if self._complete is None:
             return False
-        power = np.abs(fft.rfft(self._window * self._recent)) ** 2
+        power = np.abs(fft.rfft(self._complete)) ** 2
+        self._complete = None
         power[: self._lowest_bin] = 0.0
         level = float(power.sum())
         if not 0.0 < level < math.inf:

@@ -7,7 +7,9 @@ delay does to the poles is not taken for damping, nor the noise for a lack of re
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +26,18 @@ from chatter_monitor.kernels.regeneration import (
     PARAMETERS,
     REACH,
     SLOPE,
+    VALUE,
     Likelihood,
+    begin_climb,
     climb,
     posterior,
 )
 from chatter_monitor.tracking.periodogram import LINE_BINS, exceeded_by_chance
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
+# Work in pieces that may be done at different times; each tells how many bins have been evaluated in it.
+Pieces = Generator[int, None, T]
 
 # What is believed before the first sample: sensors respond to displacement up to acceleration, structures are damped by
 # 0.5 to 10 %. As wide as they are, they only matter where the spectrum does not tell.
@@ -42,6 +49,10 @@ _GROUPS, _LEAST_GROUP = 60, 8  # for the lack of fit
 
 _STEPS = 40
 _STEPS_OF_RACE = 6
+_BINS_OF_RACE = 500  # where the starts are told apart; they need not be fitted exactly
+_BINS_AT_ONCE = (
+    3000  # that are evaluated in one piece, at most, but for one evaluation: about a quarter of a millisecond
+)
 _DELAY_RANGE = 2.5  # standard deviations of the given delay that are searched
 _DETERMINED = 1e-9  # least eigenvalue of an information matrix scaled to a diagonal of 1; rounding is 1e-16
 
@@ -68,6 +79,7 @@ class Band:
     def __init__(
         self, periodogram: Array, lines: NDArray[np.bool_], bin_hz: float, mode_hz: float, width: float, weight: float
     ) -> None:
+        self._whole, self._width, self._lines = periodogram, width, lines
         first = max(REACH, round(mode_hz / width / bin_hz))
         last = min(len(periodogram) - 1, round(mode_hz * width / bin_hz))
         self.periodogram = periodogram[first:last]
@@ -79,6 +91,17 @@ class Band:
         half_bins = 0.5 * np.arange(-REACH, 2 * (last - first) - 1 + REACH)
         self._log_frequency = np.log((first + half_bins) * bin_hz / mode_hz)
         self._work = np.zeros((PARAMETERS + 1, len(half_bins)))
+
+    def coarse(self, bins: int) -> Band:
+        """The same with neighbouring bins averaged, so that there are about so many."""
+        together = max(1, len(self.periodogram) // bins) | 1  # odd: they are where their middle one is
+        if together == 1:
+            return self
+        centres = np.arange(0, len(self._whole), together)
+        around = np.arange(-(together // 2), together // 2 + 1)
+        groups = np.clip(centres[:, np.newaxis] + around, 0, len(self._whole) - 1)
+        periodogram, lines = self._whole[groups].mean(axis=1), self._lines[groups].any(axis=1)
+        return Band(periodogram, lines, together * self.bin_hz, self.mode_hz, self._width, together * self.weight)
 
     @property
     def floor(self) -> float:
@@ -174,11 +197,18 @@ class Fit:
     value: float
 
 
-def fit(band: Band, prior: Prior, start: Array, steps: int = _STEPS) -> Fit:
+def fit(band: Band, prior: Prior, start: Array, steps: int = _STEPS) -> Pieces[Fit]:
     """Fisher scoring with Levenberg's damping from a start."""
     theta, information = start.copy(), np.empty((PARAMETERS, PARAMETERS))
-    value = climb(theta, band.likelihood(prior), steps, np.empty((2 * PARAMETERS + 4, PARAMETERS)), information)
-    return Fit(theta, covariance_of(information), float(value))
+    space, progress = np.empty((2 * PARAMETERS + 4, PARAMETERS)), np.empty(3)
+    likelihood = band.likelihood(prior)
+    bins = len(band.periodogram)
+    begin_climb(theta, likelihood, steps, space, information, progress)
+    yield bins
+    at_once = max(1, _BINS_AT_ONCE // bins)
+    while climb(theta, likelihood, at_once, space, information, progress):
+        yield at_once * bins
+    return Fit(theta, covariance_of(information), float(progress[VALUE]))
 
 
 def covariance_of(information: Array) -> Array:
@@ -193,23 +223,26 @@ def covariance_of(information: Array) -> Array:
     return np.asarray(np.linalg.inv(relative) / np.outer(scale, scale), dtype=np.float64)
 
 
-def search(band: Band, prior: Prior) -> Fit:
+def search(band: Band, prior: Prior) -> Pieces[Fit]:
     """Fit from many starts: every one goes a few steps, the best to the end, then along the delay.
 
     The likelihood has a maximum for nearly every whole number of waves that the delay may hold within its prior.
     """
     delay_s = float(np.exp(prior.mean[LOG_TAU]))
-    races = [fit(band, prior, start, _STEPS_OF_RACE) for start in _starts(band, delay_s)]
-    best = fit(band, prior, min(races, key=lambda found: found.value).theta)
+    course = band.coarse(_BINS_OF_RACE)
+    races: list[Fit] = []
+    for start in _starts(course, delay_s):
+        races += [(yield from fit(course, prior, start, _STEPS_OF_RACE))]
+    best = yield from fit(band, prior, min(races, key=lambda found: found.value).theta)
     spread = float(prior.precision[LOG_TAU]) ** -0.5
     waves = delay_s * float(np.exp(best.theta[LOG_OMEGA])) / (2.0 * np.pi)
     halves = int(2.0 * _DELAY_RANGE * spread * waves)
     for shift in range(-halves, halves + 1):
         theta = best.theta.copy()
         theta[LOG_TAU] = prior.mean[LOG_TAU] + 0.5 * shift / waves
-        challenger = fit(band, prior, theta, _STEPS_OF_RACE)
+        challenger = yield from fit(band, prior, theta, _STEPS_OF_RACE)
         if challenger.value < best.value:
-            best = fit(band, prior, challenger.theta)
+            best = yield from fit(band, prior, challenger.theta)
     return best
 
 

@@ -12,7 +12,9 @@ from chatter_monitor.kernels.regeneration import (
     LOG_ZETA,
     PARAMETERS,
     REACH,
+    VALUE,
     Likelihood,
+    begin_climb,
     climb,
     solve,
     stabilise,
@@ -92,8 +94,9 @@ def test_the_information_is_the_hessian_where_the_model_is_true():
         np.testing.assert_allclose(row, information[i], rtol=1e-3, atol=1e-4 * np.abs(information[i]).max())
 
 
-def test_the_climb_ends_at_the_maximum():
-    """From a start 2 % off, the parameters are found from a periodogram that equals its mean, priors or not."""
+@pytest.mark.parametrize("at_once", [1, 3, 40])
+def test_the_climb_ends_at_the_maximum(at_once):
+    """From 2 % off, the parameters are found from a periodogram that equals its mean, in pieces, with priors or not."""
     truth = run(THETA, np.ones(BINS))[3]
     for precision in (0.0, 1e-3):
         prior = (THETA, np.full(PARAMETERS, precision))
@@ -102,7 +105,11 @@ def test_the_climb_ends_at_the_maximum():
             np.zeros((PARAMETERS + 1, HALF_BINS.size)), 2.0, *prior,
         )  # fmt: skip
         theta, information = THETA * [1.02, 0.98, 1.0002, 1.02, 0.9, 1.0002, 1.02], np.empty((PARAMETERS, PARAMETERS))
-        value = climb(theta, likelihood, 40, np.empty((2 * PARAMETERS + 4, PARAMETERS)), information)
+        climbing = theta, likelihood, 40, np.empty((2 * PARAMETERS + 4, PARAMETERS)), information, np.empty(3)
+        begin_climb(*climbing)
+        while climb(*climbing[:2], at_once, *climbing[3:]):
+            pass
+        value = climbing[-1][VALUE]
         expected, _, expected_information, model = run(THETA, truth)
         assert value == pytest.approx(2.0 * expected, abs=1e-3)
         sd = np.sqrt(np.diag(np.linalg.inv(information)))

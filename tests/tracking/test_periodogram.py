@@ -11,7 +11,7 @@ SEGMENT, HOP, MEMORY = 500, 100, 1000.0
 def averaged(signal, **options):
     """Average of a whole signal, a hop at a time, and how many windows went into it."""
     average = AveragedPeriodogram(SEGMENT, HOP, MEMORY, **options)
-    windows = sum(average.take(signal[i : i + HOP]) for i in range(0, len(signal) - HOP + 1, HOP))
+    windows = sum(average.take(signal[i : i + HOP]) and average.add() for i in range(0, len(signal) - HOP + 1, HOP))
     return average, windows
 
 
@@ -38,7 +38,8 @@ def test_blocks_of_any_size_up_to_the_hop_give_the_same_bits():
     pieces, begin = AveragedPeriodogram(SEGMENT, HOP, MEMORY), 0
     while begin < len(signal):
         size = min(int(rng.integers(1, 60)), pieces.missing_to_hop)
-        pieces.take(signal[begin : begin + size])
+        if pieces.take(signal[begin : begin + size]):
+            pieces.add()
         begin += size
     np.testing.assert_array_equal(pieces.spectrum, whole.spectrum)
     with pytest.raises(ValueError, match="101"):
@@ -87,11 +88,11 @@ def test_lines_at_multiples_of_the_rotation_are_found_and_others_left():
     time_s = np.arange(64000) / 12800.0
     noise = np.random.default_rng(5).standard_normal(len(time_s))
     tones = sum(0.5 * np.cos(2 * np.pi * f * time_s) for f in (600.0, 1260.0, 908.0))
-    average = AveragedPeriodogram(32000, 6400, 64000.0)
-    plain = AveragedPeriodogram(32000, 6400, 64000.0)
+    average, plain = AveragedPeriodogram(32000, 6400, 64000.0), AveragedPeriodogram(32000, 6400, 64000.0)
     for begin in range(0, 64000, 6400):
-        average.take((noise + tones)[begin : begin + 6400])
-        plain.take(noise[begin : begin + 6400])
+        for periodogram, signal in ((average, noise + tones), (plain, noise)):
+            periodogram.take(signal[begin : begin + 6400])
+            periodogram.add()
     lines = spindle_lines(average.spectrum, 0.4, 30.0, average.windows)
     assert lines[[1500, 3150]].all()
     assert not lines[2270]
