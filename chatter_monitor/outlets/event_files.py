@@ -173,7 +173,8 @@ def write(folder: Path, name: str, stretch: Stretch, utc: str) -> None:
     """
     origin = stretch.origin
     samples, missing = stretch.signal()
-    suffix, sound = _sound_file(samples * origin.full_scale_per_unit, round(origin.sample_rate_hz))
+    samples *= origin.full_scale_per_unit
+    suffix, sound = _sound_file(samples, round(origin.sample_rate_hz))
     (folder / f"{name}{suffix}").write_bytes(sound)
     table = folder / f"{name}.parquet"
     with OdpTable(table, modes=origin.modes, sample_rate_hz=origin.sample_rate_hz, machine=origin.machine) as odps:
@@ -228,14 +229,24 @@ def recorded_event(recording: Path) -> RecordedEvent | None:
 def _sound_file(samples: NDArray[np.float64], rate_hz: int) -> tuple[str, bytes]:
     """Suffix and contents: 24-bit FLAC where it can hold the samples, else WAV of 32-bit floats.
 
-    It is made in memory, because libsndfile does not tell when a disk fills up while it closes a file.
+    It is made in memory, because libsndfile does not tell when a disk fills up while it closes a file; a second after
+    the other, so that there are no further copies of the whole.
     """
-    codes = np.rint(samples * CODES)
-    fits = samples.shape[1] <= FLAC_CHANNELS and bool(np.all((codes >= -CODES) & (codes < CODES)))  # NaN does not
+    channels = samples.shape[1]
+    seconds = [samples[begin : begin + rate_hz] for begin in range(0, len(samples), rate_hz)]
     file = io.BytesIO()
-    if fits:
-        left_aligned = codes.astype(np.int32) << 8
-        soundfile.write(file, left_aligned, rate_hz, format="FLAC", subtype="PCM_24")
+    if channels <= FLAC_CHANNELS and all(_fits(second) for second in seconds):
+        with soundfile.SoundFile(file, "w", rate_hz, channels, format="FLAC", subtype="PCM_24") as flac:
+            for second in seconds:
+                flac.write(np.rint(second * CODES).astype(np.int32) << 8)  # left-aligned
         return ".flac", file.getvalue()
-    soundfile.write(file, samples.astype(np.float32), rate_hz, format="WAV", subtype="FLOAT")
+    with soundfile.SoundFile(file, "w", rate_hz, channels, format="WAV", subtype="FLOAT") as wav:
+        for second in seconds:
+            wav.write(second.astype(np.float32))
     return ".wav", file.getvalue()
+
+
+def _fits(samples: NDArray[np.float64]) -> bool:
+    """Whether 24 bits hold the samples; NaN they do not."""
+    codes = np.rint(samples * CODES)
+    return bool(np.all((codes >= -CODES) & (codes < CODES)))

@@ -282,6 +282,7 @@ class FlightRecorder(Outlet):
                 self.recorded += 1
             else:
                 self.failed += 1
+            del stretch  # or it would be kept until the next event, which may be weeks away
         self._store.close()
 
     def _write(self, stretch: Stretch) -> None:

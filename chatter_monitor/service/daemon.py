@@ -48,6 +48,7 @@ from chatter_monitor.outlets.event_store import EventWriter
 from chatter_monitor.outlets.metrics import Metrics
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.publisher import Publisher
+from chatter_monitor.service.heap import keep_flat
 from chatter_monitor.service.journal import Story
 from chatter_monitor.service.monitor import Monitor
 from chatter_monitor.service.recorder import open_recorder
@@ -140,6 +141,7 @@ class Daemon:
         InputError
             If a certificate cannot be used.
         """
+        keep_flat()
         settings = self._settings
         rate_hz = settings.tracker.sample_rate_hz
         clock = IndexClock(rate_hz)
@@ -178,6 +180,7 @@ class Daemon:
                 dropped=lambda: publisher.dropped,
                 commands=lambda: () if control is None else control.commands(),
             )
+            gc.freeze()  # the compiled kernels are no garbage, and looking through them would take a second
             stack.enter_context(card)
             self._notes.stop = card.stop
             self._say(f"waiting for {card.device}")

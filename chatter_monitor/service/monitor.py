@@ -59,12 +59,19 @@ def odp_message(frame: OdpFrame) -> Odp:
 
 
 def _warm_up(settings: Settings, source_rate_hz: float) -> None:
-    """Load the compiled kernels: better before the first sample of a live source than after it."""
-    noise = np.random.default_rng(0).standard_normal(round(settings.tracker.sample_rate_hz * INTERVAL_S))
-    for _ in Channel(settings.tracker, settings.orders, settings.spindle, source_rate_hz=source_rate_hz).process(
-        0, noise
-    ):
-        pass
+    """Load the compiled kernels: better before the first sample of a live source than after it.
+
+    What turns at a given speed is looked for, found, and taken out, and a margin is fitted to the rest.
+    """
+    rate_hz, seconds, rotation_hz = settings.tracker.sample_rate_hz, 4.0, 30.0
+    spindle = SpindleSettings(speed_rpm=60.0 * rotation_hz)
+    channel = Channel(settings.tracker, settings.orders, spindle, source_rate_hz=source_rate_hz)
+    judge = Judge(settings.verdict, interval_s=INTERVAL_S)
+    angle = 2.0 * np.pi * rotation_hz * np.arange(round(seconds * rate_hz)) / rate_hz
+    comb = sum(np.cos(order * angle) for order in range(1, 9))
+    for observation in channel.process(0, comb + np.random.default_rng(0).standard_normal(len(angle))):
+        frame = observation.odp
+        judge.verdict(weigh(observation, spindle), frame.first_sample, len(frame), rate_hz)
 
 
 class Monitor:

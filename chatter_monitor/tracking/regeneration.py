@@ -7,7 +7,7 @@ delay does to the poles is not taken for damping, nor the noise for a lack of re
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -97,10 +97,11 @@ class Band:
         together = max(1, len(self.periodogram) // bins) | 1  # odd: they are where their middle one is
         if together == 1:
             return self
-        centres = np.arange(0, len(self._whole), together)
-        around = np.arange(-(together // 2), together // 2 + 1)
-        groups = np.clip(centres[:, np.newaxis] + around, 0, len(self._whole) - 1)
-        periodogram, lines = self._whole[groups].mean(axis=1), self._lines[groups].any(axis=1)
+        begin = together // 2 + 1
+        groups = slice(begin, begin + (len(self._whole) - begin) // together * together)
+        periodogram = self._whole[groups].reshape(-1, together).mean(axis=1)
+        lines = self._lines[groups].reshape(-1, together).any(axis=1)
+        periodogram, lines = np.append(self._whole[0], periodogram), np.append(self._lines[0], lines)
         return Band(periodogram, lines, together * self.bin_hz, self.mode_hz, self._width, together * self.weight)
 
     @property
@@ -246,9 +247,8 @@ def search(band: Band, prior: Prior) -> Pieces[Fit]:
     return best
 
 
-def _starts(band: Band, delay_s: float) -> list[Array]:
+def _starts(band: Band, delay_s: float) -> Iterator[Array]:
     """Parameters from which one fit or another finds the way: with much and little regeneration, beside the peak."""
-    result = []
     mean, log_floor = band.periodogram.mean(), np.log(band.floor)
     for shift in (0.97, 1.0, 1.03):
         for zeta in (0.012, 0.035):
@@ -263,5 +263,4 @@ def _starts(band: Band, delay_s: float) -> list[Array]:
                 theta[LOG_FLOOR] = log_floor
                 band.evaluate(theta)  # for gain 1
                 theta[LOG_GAIN] = np.log(mean / band.model.mean())
-                result.append(theta)
-    return result
+                yield theta
