@@ -274,7 +274,6 @@ class MarginTracker:
         """Fit the present average."""
         spectrum, windows = self._periodogram.spectrum, self._periodogram.windows
         lines = spindle_lines(spectrum, self._bin_hz, rotation_hz, windows)
-        yield _BINS_PER_FRAME
         strongest = strongest_peak_hz(spectrum, lines, self._bin_hz)
         if self._fit is None or abs(strongest / self._mode_hz - 1.0) > _OTHER_MODE:
             self._fit, self._mode_hz, self._width = None, strongest, 0

@@ -8,19 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from chatter_monitor.kernels import peaks as kernel
 from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
 
 Array = NDArray[np.float64]
 
-# A line spreads over so many bins on either side of its own; its surroundings are so many.
-LINE_BINS = 2
-_SURROUNDINGS = 12
 _OUTLIER_SIGMA = 4.5
 _HANN_BANDWIDTH = 1.5  # equivalent noise bandwidth of the window in bins
 
-# Up to where modes are looked for, and over what relative width on either side of a frequency the power is averaged.
+# Up to where modes are looked for.
 _HIGHEST_MODE = 0.6  # of half the sample rate
-_SMOOTHING = 0.015
 
 # A segment louder or quieter than the average by more than this (in power) belongs to another cut.
 _OTHER_LEVEL = 10.0
@@ -170,25 +167,14 @@ def spindle_lines(spectrum: Array, bin_hz: float, rotation_hz: float, windows: f
     windows : float
         Independent windows in the average.
     """
-    lines = np.zeros(len(spectrum), np.bool_)
-    reach = _SURROUNDINGS * bin_hz
-    highest = (len(spectrum) - 1) * bin_hz - reach
-    orders = np.arange(math.ceil(reach / rotation_hz), math.floor(highest / rotation_hz) + 1)
-    centres = np.round(orders * rotation_hz / bin_hz).astype(np.int64)
-    around = spectrum[centres[:, None] + np.arange(-_SURROUNDINGS, _SURROUNDINGS + 1)]
-    tops = around[:, _SURROUNDINGS - 1 : _SURROUNDINGS + 2].max(axis=1)
-    strange = centres[tops > exceeded_by_chance(windows) * np.median(around, axis=1)]
-    for shift in range(-LINE_BINS, LINE_BINS + 1):
-        lines[strange + shift] = True
+    lines = np.empty(len(spectrum), np.bool_)
+    scratch = np.empty(2 * kernel.SURROUNDINGS + 1)
+    kernel.mark_multiples(spectrum, rotation_hz / bin_hz, exceeded_by_chance(windows), scratch, lines)
     return lines
 
 
 def strongest_peak_hz(spectrum: Array, lines: NDArray[np.bool_], bin_hz: float) -> float:
     """Frequency around which the power is most concentrated, lines apart, to a few percent: combs are averaged."""
-    bins = np.arange(len(spectrum))
-    half = np.maximum(LINE_BINS + 1, (_SMOOTHING * bins).astype(np.int64))
-    low, high = np.maximum(bins - half, 0), np.minimum(bins + half + 1, len(spectrum))
-    power = np.concatenate(([0.0], np.cumsum(np.where(lines, 0.0, spectrum))))
-    count = np.concatenate(([0], np.cumsum(~lines)))
-    smooth = (power[high] - power[low]) / np.maximum(count[high] - count[low], 1)
-    return float(bin_hz * np.argmax(smooth[: int(_HIGHEST_MODE * len(spectrum))]))
+    size = len(spectrum)
+    bins = int(_HIGHEST_MODE * size)
+    return bin_hz * int(kernel.strongest(spectrum, lines, bins, np.empty(size + 1), np.empty(size + 1, np.int64)))

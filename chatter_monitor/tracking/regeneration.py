@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels.delay_roots import critical_coefficient
+from chatter_monitor.kernels.peaks import LINE_BINS
 from chatter_monitor.kernels.regeneration import (
     HANN_POWER,
     KAPPA,
@@ -32,7 +33,7 @@ from chatter_monitor.kernels.regeneration import (
     climb,
     posterior,
 )
-from chatter_monitor.tracking.periodogram import LINE_BINS, exceeded_by_chance
+from chatter_monitor.tracking.periodogram import exceeded_by_chance
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
