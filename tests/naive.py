@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import expit
 from scipy.stats import linregress
 
-from chatter_monitor.kernels import lines, rarma, vibrations
+from chatter_monitor.kernels import comb, lines, rarma, vibrations
 from chatter_monitor.kernels.kinds import CONVINCING, PRIOR, Chain, measures
 
 
@@ -234,3 +234,27 @@ def follow_all(
         before[-1].interval(line, rules, weights)
     limits = (vibrations.FORGOTTEN, vibrations.FORGOTTEN_CHATTER)
     return sorted((v for v in before if v.missed < limits[v.chattered]), key=lambda v: -v.self_excited)
+
+
+def crests(power: NDArray[np.float64], line_to_noise: float, lowest: int) -> NDArray[np.int64]:
+    """Local maxima beyond a multiple of the noise: the median of every second bin of their stretch over ln 2."""
+    noise = np.repeat(np.median(power.reshape(-1, comb.FLOOR_BINS)[:, ::2], axis=1) / np.log(2.0), comb.FLOOR_BINS)
+    inner = power[1:-1]
+    found = (inner > power[:-2]) & (inner >= power[2:]) & (inner > line_to_noise * noise[1:-1])
+    peaks = np.flatnonzero(found) + 1
+    return peaks[peaks >= lowest]
+
+
+def family(
+    hertz: NDArray[np.float64], off: NDArray[np.float64], carrier: float, spacing: float
+) -> tuple[set[int], set[int]]:
+    """Lines that a carrier with sidebands brings along, and those among all of it that are forced ones."""
+    brought, forced = set(), set()
+    for i, line in enumerate(hertz):
+        for overtone in range(1, comb.OVERTONES + 1):
+            for sideband in range(-comb.SIDEBANDS, comb.SIDEBANDS + 1):
+                if abs(line - overtone * carrier - sideband * spacing) <= 2.0 * off[i]:
+                    brought.add(i)
+        if any(abs(line - k * spacing) <= 2.0 * off[i] for k in range(1, comb.FORCED + 1)):
+            forced.add(i)
+    return brought, forced
