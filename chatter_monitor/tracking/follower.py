@@ -22,7 +22,8 @@ class CombFollower:
     """Looks for a comb in a long stretch of the signal, and takes it out of what comes.
 
     What is found is followed through that stretch first. Only if its harmonics were steady there is it taken out, and
-    then it is known when the next sample comes. The search is shared out over frames (`tracking.turns`).
+    then it is known when the next sample comes. The search for a known speed is shared out over frames
+    (`tracking.turns`).
 
     Parameters
     ----------
@@ -118,11 +119,11 @@ class CombFollower:
         """Begin a search, if enough has been heard."""
         # A range that is narrow needs less to be sure. A speed that wanders blurs a line the more the longer one looks,
         # and is steady enough at one time or another.
-        known = self._target.teeth is not None
-        lengths = [n for n in ((self._window // 2, self._window) if known else (self._window,)) if n <= self._heard]
+        wanted = [self._window // 2, self._window] if self._known else [self._window]
+        lengths = [frames for frames in wanted if frames <= self._heard]
         if not lengths:
             return None
-        self._rest = 0 if known else self._window // 2
+        self._rest = 0 if self._known else self._window // 2
         return self._look(lengths, taken_hz)
 
     def _go_on(self, search: Piecemeal[Harmonics | None]) -> bool:
@@ -157,26 +158,34 @@ class CombFollower:
     def _look(self, lengths: list[int], taken_hz: float | None) -> Piecemeal[Harmonics | None]:
         """Look for a comb in so many of the last frames, and follow it from there to now."""
         for frames in lengths:
-            comb = yield from in_turn(self._turn, partial(self._comb_of, self._latest(frames), taken_hz))
-            harmonics = None if comb is None else (yield from self._follow(comb, frames))
+            begun = self._frames
+            search = partial(self._comb_of, self._latest(frames), taken_hz)
+            comb = (yield from in_turn(self._turn, search)) if self._known else search()
+            harmonics = None if comb is None else (yield from self._follow(comb, frames, self._frames - begun))
             if harmonics is not None:
                 return harmonics
         return None
+
+    @property
+    def _known(self) -> bool:
+        """Whether it is after the comb of a known speed. Any other is worth a long frame: waiting costs alarms."""
+        return self._target.teeth is not None
 
     def _comb_of(self, past: NDArray[np.float64], taken_hz: float | None) -> Comb | None:
         lines = self._lines(past)
         return find_comb(lines if taken_hz is None else lines.without(lines.on(taken_hz)), self._target)
 
-    def _follow(self, comb: Comb, frames: int) -> Piecemeal[Harmonics | None]:
-        """Follow a comb that was found a round ago through the frames in which it was found, and on to now."""
+    def _follow(self, comb: Comb, frames: int, ago: int) -> Piecemeal[Harmonics | None]:
+        """Follow a comb through the frames in which it was found, so many frames ago, and on to now."""
         sd_hz = max(comb.fundamental_sd_hz, START_SD * comb.fundamental_hz)
         harmonics = Harmonics(
             comb.fundamental_hz, sd_hz, self._rate_hz, memory_s=self._memory_s, lowest_hz=self._lowest_hz
         )
         nothing = np.empty(self._past.shape[1])
-        behind = frames + TURNS
+        behind = frames + ago
+        at_once = CATCH_UP_FRAMES if self._known else behind
         while behind:
-            for samples in self._latest(behind)[:CATCH_UP_FRAMES]:
+            for samples in self._latest(behind)[:at_once]:
                 harmonics.subtract(samples, nothing)
                 harmonics.learn()
                 behind -= 1
