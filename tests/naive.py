@@ -154,8 +154,8 @@ class NaiveVibration:
 
     hertz: float
     odds: float
+    dominance: float
     kinds: NDArray[np.float64] = field(default_factory=lambda: np.array(PRIOR))
-    rose_from: str | None = None
     alarm_for: int = 0
     chattered: bool = False
     missed: int = 0
@@ -175,33 +175,25 @@ class NaiveVibration:
         if line is not None:
             self.missed, self.hertz = 0, line["frequency_hz"]
             self.odds += vibrations.AVERAGING * (line["order_odds"] - self.odds)
-            self.rose_from = self.risen_from(line)
+            dominance = self.dominance + vibrations.AVERAGING * (line["share"] - self.dominance)
+            self.dominance = max(dominance, self.dominance if self.alarm_for else 0.0)
             seen = self.likeness(line, weights)
         self.kinds = self.forward(seen, rules.chain)
         risen = self.kinds[1] + self.kinds[2]
-        bias = rules.odds.new if self.rose_from == "nothing" else rules.odds.heard
-        self.unexplained = float(expit(self.odds + bias))
+        self.unexplained = float(expit(self.odds + rules.odds.offset + rules.odds.dominance * self.dominance))
         before = self.alarm_for
         alarm = self.self_excited >= (rules.calm_probability if before else rules.alarm_probability)
         self.alarm_for = before + 1 if alarm else 0
         self.chattered |= alarm
         if before and not alarm and risen < 0.5:
-            self.kinds, self.rose_from = np.array(vibrations.CALMED), None
-
-    def risen_from(self, line: np.void) -> str | None:
-        if self.chattered:
-            return "something"
-        rises = line["long_rise"] >= vibrations.RISEN
-        if self.rose_from is not None and (rises or self.kinds[1] + self.kinds[2] >= vibrations.OVER):
-            return self.rose_from
-        return None if not rises else "nothing" if line["usual_db"] < vibrations.UNHEARD_DB else "something"
+            self.kinds = np.array(vibrations.CALMED)
 
     def likeness(self, line: np.void, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.chattered and line["long_rise"] < vibrations.DIED_DOWN:
             return np.full(2, -CONVINCING)
         seen = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
-        coherent = vibrations.COHERENT_IF_NEW if self.rose_from == "nothing" else vibrations.COHERENT
-        if line["coherence"] < coherent:
+        least = np.exp(-vibrations.LEAST_COHERENT_DAMPING * 2.0 * np.pi * line["frequency_hz"] * 0.025)
+        if line["coherence"] < max(least, vibrations.LEAST_COHERENCE):
             seen[0] = min(seen[0], 0.0)
         return seen
 
@@ -230,7 +222,7 @@ def follow_all(
         else:
             vibration.interval(None, rules, weights)
     for line in left:
-        before.append(NaiveVibration(line["frequency_hz"], line["order_odds"]))
+        before.append(NaiveVibration(line["frequency_hz"], line["order_odds"], line["share"]))
         before[-1].interval(line, rules, weights)
     limits = (vibrations.FORGOTTEN, vibrations.FORGOTTEN_CHATTER)
     return sorted((v for v in before if v.missed < limits[v.chattered]), key=lambda v: -v.self_excited)

@@ -31,9 +31,12 @@ from chatter_monitor.verdict.judge import JudgeSettings
 from chatter_monitor.verdict.vibrations import Following, lines_of
 
 NOISE, GROWTH, CALM = range(3)
-MEASURES = ("prominence", "share", "coherence", "variation", "rise", "long_rise", "decay", "growth", "log_damping")
+MEASURES = (
+    *("prominence", "share", "coherence", "tightness", "variation", "rise", "long_rise", "absolute_rise"),
+    *("decay", "growth", "log_damping"),
+)
 # Growth makes these larger, or smaller.
-GROWS_WITH = {"prominence": 1, "coherence": 1, "rise": 1, "long_rise": 1, "decay": 1, "growth": 1, "log_damping": -1}
+GROWS_WITH = dict.fromkeys(MEASURES, 1) | {"share": 0, "variation": 0, "log_damping": -1}
 
 GROWING_RISE = 0.5
 GROWING_S = 3.0  # after the damping has become negative
@@ -73,8 +76,9 @@ def examples(cut: Cut, intervals: list[Evidence]) -> Iterator[Example]:
                 and abs(line["rise"]) < CALM_RISE
                 and line["prominence_db"] > CALM_PROMINENCE_DB
             )
+            rise = max(line["rise"], line["long_rise"], line["absolute_rise"])
             kind = None
-            if truth.damping_ratio[i] < 0.0 and own and max(line["rise"], line["long_rise"]) > GROWING_RISE:
+            if truth.damping_ratio[i] < 0.0 and own and rise > GROWING_RISE:
                 kind = GROWTH if since[i] < GROWING_S else None
             elif truth.label[i] == Label.SELF_EXCITED:
                 kind = CALM if own and calm else None
@@ -134,7 +138,7 @@ def variations() -> Iterator[tuple[str, Rules]]:
             yield f"{name} {value:.2g}", rules._replace(chain=rules.chain._replace(**{name: value}))
     for name, old in rules.odds._asdict().items():
         for step in (-1.0, 1.0):
-            value = old * 2.0**step if name == "forced_off_orders" else old + step
+            value = old + step
             yield f"{name} {value:.2g}", rules._replace(odds=rules.odds._replace(**{name: value}))
 
 

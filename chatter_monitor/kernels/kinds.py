@@ -21,7 +21,9 @@ from chatter_monitor.kernels.options import OPTIONS
 # No single frame says more than this.
 CONVINCING = 8.0
 
-MEASURES = 9
+MEASURES = 11
+# Lag of the coherence: the window of the short-time spectrum.
+LAG_S = 0.025
 
 # A line of the short-time spectrum (`tracking.spectrum.Line`), with the damping ratio of the tracker's mode at it, or
 # its own where there is none, and its log odds for self-excitation by its place among the orders.
@@ -34,7 +36,7 @@ LINE = np.dtype(
         ("growth_per_s", float),
         ("rise", float),
         ("long_rise", float),
-        ("usual_db", float),
+        ("absolute_rise", float),
         ("coherence", float),
         ("damping_ratio", float),
         ("order_odds", float),
@@ -94,9 +96,10 @@ NOTHING = Likeness(-CONVINCING, -CONVINCING)
 def measures(line):
     """Bounded measures of a line, a record of `LINE`, in the order of the weights.
 
-    Prominence (10 dB), log odds of the share of power, coherence after 25 ms (as -log(1 - c)), variation of the
-    amplitude, rise within one second and within eight (natural logarithm), decay and growth (as damping ratios in
-    percent), logarithm of the damping ratio.
+    Prominence (10 dB), log odds of the share of power, coherence after 25 ms (as -log(1 - c)) and the damping ratio
+    that it would come from (as -log10), variation of the amplitude, rise within one second and within eight, and the
+    latter with that of the surroundings (natural logarithm), decay and growth (as damping ratios in percent), logarithm
+    of the damping ratio.
     """
     share = min(max(line.share, 0.01), 0.99)
     growth = line.growth_per_s / (2.0 * math.pi * line.frequency_hz)
@@ -104,13 +107,21 @@ def measures(line):
         min(max(line.prominence_db, 0.0), 40.0) / 10.0,
         math.log(share / (1.0 - share)),
         -math.log(1.01 - min(line.coherence, 1.0)),
+        -math.log10(min(max(coherence_damping(line), 2e-4), 0.03)),
         min(line.variation, 1.0),
         min(max(line.rise, -1.5), 3.5),
         min(max(line.long_rise, -1.5), 3.5),
+        min(max(line.absolute_rise, -1.5), 3.5),
         100.0 * min(max(growth, -0.02), 0.0),
         100.0 * min(max(growth, 0.0), 0.02),
         math.log10(min(max(line.damping_ratio, 0.0), 0.1) + 0.001),
     )
+
+
+@njit(**OPTIONS)
+def coherence_damping(line):
+    """Damping ratio of a mode that noise drives and that is as coherent: exp(-zeta omega t)."""
+    return -math.log(min(max(line.coherence, 1e-6), 1.0)) / (2.0 * math.pi * line.frequency_hz * LAG_S)
 
 
 @njit(**OPTIONS)

@@ -29,13 +29,12 @@ TINY = 1e-300
 GROWTH_HOPS = 12
 # Frames that are fainter by so much (logarithm of the power, 25 dB) are silence.
 SILENCE = 5.8
-# A chattering mode is heard within this relative distance of where it was before.
-NEAR = 0.12
 
 # Indices into what is told of a line: the bin that it is at, interpolated; share of the power; coefficient of variation
 # of its modulus over half of the ring; growth of its logarithm in a hop; correlation `LAG` hops apart; how far it
-# stands out; rise within the time of the ring, and within that of the reliefs; what stood out near it on average.
-BIN, SHARE, VARIATION, GROWTH, COHERENCE, PROMINENCE, RISE, LONG_RISE, USUAL = range(9)
+# stands out; rise within the time of the ring, and within that of the reliefs, and the latter whatever the surroundings
+# did.
+BIN, SHARE, VARIATION, GROWTH, COHERENCE, PROMINENCE, RISE, LONG_RISE, ABSOLUTE_RISE = range(9)
 MEASURES = 9
 
 # Indices of `LineState.counts`: hops taken, frames looked at
@@ -55,10 +54,10 @@ class LineState(NamedTuple):
         Powers of the root of unity.
     power : ndarray of float64, shape (bins,)
         Recent power of each bin (`recent_power`).
-    reliefs : ndarray of float64, shape (bins, frames)
-        Ring of prominences (`stand_out`), a column for each frame.
-    relief, relief_sum : ndarray of float64, shape (bins,)
-        The newest, and the sum of all of them.
+    reliefs, powers : ndarray of float64, shape (bins, frames)
+        Rings of prominences (`stand_out`) and of logarithms of the power, a column for each frame.
+    relief : ndarray of float64, shape (bins,)
+        The newest prominences.
     levels : ndarray of float64, shape (frames,)
         Mean logarithm of the power in each frame.
     counts : ndarray of int64, shape (2,)
@@ -72,8 +71,8 @@ class LineState(NamedTuple):
     turns: np.ndarray
     power: np.ndarray
     reliefs: np.ndarray
+    powers: np.ndarray
     relief: np.ndarray
-    relief_sum: np.ndarray
     levels: np.ndarray
     counts: np.ndarray
     sums: np.ndarray
@@ -89,8 +88,8 @@ def new_state(points: int, hops: int, frames: int) -> LineState:
         turns=np.exp(-2j * np.pi * np.arange(points) / points),
         power=np.zeros(bins),
         reliefs=np.zeros((bins, frames)),
+        powers=np.zeros((bins, frames)),
         relief=np.zeros(bins),
-        relief_sum=np.zeros(bins),
         levels=np.zeros(frames),
         counts=np.zeros(2, np.int64),
         sums=np.zeros(bins + 1),
@@ -155,8 +154,8 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
     bins = power.shape[0]
     state.levels[column] = (state.sums[bins] - state.sums[lowest]) / (bins - lowest)
     for b in range(relief.shape[0]):
-        state.relief_sum[b] = state.relief_sum[b] - reliefs[b, column] + relief[b]
         reliefs[b, column] = relief[b]
+        state.powers[b, column] = state.sums[b + 1] - state.sums[b]
     count = most_prominent(relief, lowest, peaks)
     recent = state.valid.shape[0] // FRAME_HOPS
     for i in range(count):
@@ -166,7 +165,7 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
         out[PROMINENCE] = relief[b]
         out[RISE] = rise(reliefs, state.levels, counts[FRAMES], recent, b, state.scratch)
         out[LONG_RISE] = rise(reliefs, state.levels, counts[FRAMES], frames, b, state.scratch)
-        out[USUAL] = _highest_near(state.relief_sum, b) / min(counts[FRAMES], frames)
+        out[ABSOLUTE_RISE] = rise(state.powers, state.levels, counts[FRAMES], frames, b, state.scratch)
     return count
 
 
@@ -185,16 +184,6 @@ def _take(transforms, valid, start, hop, state):
             turn -= points if turn >= points else 0
         state.valid[column] = valid[i]
         counts[TAKEN] += 1
-
-
-@njit(**OPTIONS)
-def _highest_near(heights, b):
-    """Largest value in the neighbourhood of a bin."""
-    reach = max(2, min(round(NEAR * b), b))
-    highest = heights[b]
-    for near in range(max(0, b - reach), min(heights.shape[0], b + reach + 1)):
-        highest = max(highest, heights[near])
-    return highest
 
 
 @njit(**OPTIONS)
@@ -327,15 +316,15 @@ def describe(spectra, valid, head, power, lowest, b, scratch, out):
 
 
 @njit(**OPTIONS)
-def rise(reliefs, levels, head, frames, b, scratch):
-    """Half the prominence of a bin, less its median over the last frames: growth that the surroundings do not share.
+def rise(heights, levels, head, frames, b, scratch):
+    """Half the height of a bin, less its median over the last frames: growth, of prominences that which is not shared.
 
     Frames in which there was next to silence do not count: what begins has not risen from them.
 
     Parameters
     ----------
-    reliefs : ndarray, shape (bins, columns)
-        Ring of prominences (`stand_out`), a column for each frame.
+    heights : ndarray, shape (bins, columns)
+        Ring of prominences (`stand_out`) or of logarithms of the power, a column for each frame.
     levels : ndarray, shape (columns,)
         Mean logarithm of the power in each of these frames.
     head : int
@@ -347,13 +336,13 @@ def rise(reliefs, levels, head, frames, b, scratch):
     scratch : ndarray, shape (>= columns,)
         Work space.
     """
-    columns = reliefs.shape[1]
+    columns = heights.shape[1]
     silence = levels[(head - 1) % columns] - SILENCE
     count = 0
     for back in range(1, min(frames, head, columns) + 1):
         column = (head - back) % columns
         if levels[column] > silence:
-            scratch[count] = max(reliefs[b - 1, column], reliefs[b, column], reliefs[b + 1, column])
+            scratch[count] = max(heights[b - 1, column], heights[b, column], heights[b + 1, column])
             count += 1
     newest = scratch[0]
     return 0.5 * (newest - median(scratch[:count])) if count > 1 else 0.0

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from chatter_monitor.kernels.kinds import NOTHING, PRIOR, Chain, Kinds, Likeness, follow, likeness
+from chatter_monitor.kernels.kinds import NOTHING, PRIOR, Chain, Kinds, Likeness, coherence_damping, follow, likeness
 from chatter_monitor.kernels.options import OPTIONS
 
 # A line belongs to a vibration when it is this near, relatively or in Hz.
@@ -16,23 +16,18 @@ LINE_WIDTH_HZ = 25.0
 NOT_HEARD = Likeness(-1.0, -1.0)
 # Intervals without a line after which it is forgotten; a minute if it has chattered, because it will again.
 FORGOTTEN, FORGOTTEN_CHATTER = 10, 1200
-# What grows by itself is coherent; noise that comes and goes is not. More so where nothing stood out before: a cut that
-# begins wakes modes that noise drives.
-COHERENT, COHERENT_IF_NEW = 0.6, 0.77
-UNHEARD_DB = 8.0
-RISEN = 0.7  # natural logarithm: to twice its usual amplitude
-OVER = 0.02  # probability of having risen below which that is forgotten
+# What grows by itself is coherent; noise that comes and goes is not, nor is a mode that it drives: beyond this damping
+# ratio, or below this coherence, nothing is taken for growth.
+LEAST_COHERENT_DAMPING, LEAST_COHERENCE = 0.004, 0.4
 # A vibration is over when its amplitude has fallen below half of what it was for seconds (natural logarithm): that of a
 # saturated one does not, whatever its damping reads.
 DIED_DOWN = -0.7
 
 # Of a vibration that has chattered and does no more.
 CALMED = Kinds(noise=1.0 - 6e-4, growing=2e-4, saturated=2e-4, steady=2e-4)
-# Weight of an interval in the average of the odds over half a second.
-AVERAGING = 0.2
+# Weight of an interval in the averages of odds and share, which are over a few intervals.
+AVERAGING = 0.35
 
-# What a vibration has risen out of: it has not, or something that stood out there before, or nothing that did.
-NOT_RISEN, HEARD_BEFORE, NEW = range(3)
 NO_LINE = -1
 
 # One vibration and what is known of it.
@@ -44,8 +39,8 @@ VIBRATION = np.dtype(
         ("saturated", float),
         ("steady", float),
         ("unexplained", float),  # probability that nothing that turns explains it, if it has risen
-        ("order_odds", float),  # log odds by its place among the orders, averaged over half a second
-        ("risen_from", np.int64),
+        ("order_odds", float),  # log odds by its place among the orders, averaged
+        ("dominance", float),  # its share of the power, averaged likewise; the largest while an alarm is about it
         ("alarm_for", np.int64),  # intervals since an alarm began that is about it; 0 without one
         ("chattered", np.bool_),  # whether there has been one
         ("missed", np.int64),  # intervals since its line was heard
@@ -58,22 +53,22 @@ VIBRATION = np.dtype(
 class Odds(NamedTuple):
     """Log odds that what has risen is self-excited; chosen like the constants of the chain.
 
+    What a cut that begins or grows louder wakes is many lines beside each other; chatter takes nearly all of the power
+    that is not synchronous. And forced lines are on the orders of the teeth, mostly.
+
     Attributes
     ----------
-    heard, new : float
-        Where something stood out before it rose, and where nothing did.
+    offset, dominance : float
+        Of a vibration that has none of the power, and what it has more with all of it.
     unknown_speed, off_found : float
         Added where the speed is unknown, for forced lines may be anywhere, and off the orders of a comb that was found,
         for it may be another machine's.
-    forced_off_orders : float
-        Share of forced lines that are off the orders.
     """
 
-    heard: float = 3.0
-    new: float = 2.0
-    unknown_speed: float = -0.7
-    off_found: float = 1.5
-    forced_off_orders: float = 0.05
+    offset: float = -2.0
+    dominance: float = 5.0
+    unknown_speed: float = -0.8
+    off_found: float = 0.5
 
 
 class Rules(NamedTuple):
@@ -148,7 +143,7 @@ def _begin(vibration, line):
     """A vibration that is heard for the first time."""
     _set_kinds(vibration, PRIOR)
     vibration.order_odds = line.order_odds
-    vibration.risen_from = NOT_RISEN
+    vibration.dominance = line.share
     vibration.alarm_for = 0
     vibration.chattered = False
 
@@ -159,7 +154,8 @@ def _heard(vibration, line, rules, weights):
     vibration.missed = 0
     vibration.frequency_hz = line.frequency_hz
     vibration.order_odds += AVERAGING * (line.order_odds - vibration.order_odds)
-    vibration.risen_from = HEARD_BEFORE if vibration.chattered else _risen_from(vibration, line)
+    dominance = vibration.dominance + AVERAGING * (line.share - vibration.dominance)
+    vibration.dominance = max(dominance, vibration.dominance) if vibration.alarm_for else dominance
     _another_interval(vibration, _likeness(vibration, line, weights), rules)
 
 
@@ -175,7 +171,7 @@ def _another_interval(vibration, seen, rules):
     """Whether it has risen and stayed, whether something that turns explains it, and whether that is an alarm."""
     kinds = follow(_kinds(vibration), seen, rules.chain, vibration.chattered)
     risen = kinds.growing + kinds.saturated
-    odds = vibration.order_odds + (rules.odds.new if vibration.risen_from == NEW else rules.odds.heard)
+    odds = vibration.order_odds + rules.odds.offset + rules.odds.dominance * vibration.dominance
     vibration.unexplained = 1.0 / (1.0 + math.exp(-odds))
     alarmed = vibration.alarm_for > 0
     if risen * vibration.unexplained >= (rules.calm_probability if alarmed else rules.alarm_probability):
@@ -185,19 +181,7 @@ def _another_interval(vibration, seen, rules):
         vibration.alarm_for = 0
         if alarmed and risen < 0.5:  # what is over does not come back for want of evidence against it
             kinds = CALMED
-            vibration.risen_from = NOT_RISEN
     _set_kinds(vibration, kinds)
-
-
-@njit(**OPTIONS)
-def _risen_from(vibration, line):
-    """Kept from when it rose until that is over."""
-    rises = line.long_rise >= RISEN
-    if vibration.risen_from != NOT_RISEN and (rises or vibration.growing + vibration.saturated >= OVER):
-        return vibration.risen_from
-    if not rises:
-        return NOT_RISEN
-    return NEW if line.usual_db < UNHEARD_DB else HEARD_BEFORE
 
 
 @njit(**OPTIONS)
@@ -206,7 +190,7 @@ def _likeness(vibration, line, weights):
     if vibration.chattered and line.long_rise < DIED_DOWN:
         return NOTHING
     seen = likeness(line, weights)
-    if line.coherence < (COHERENT_IF_NEW if vibration.risen_from == NEW else COHERENT):
+    if line.coherence < LEAST_COHERENCE or coherence_damping(line) > LEAST_COHERENT_DAMPING:
         return Likeness(min(seen.growth, 0.0), seen.calm)
     return seen
 

@@ -41,8 +41,8 @@ class Line(NamedTuple):
     rise, long_rise : float
         Logarithm of its present amplitude over the median of the last second, and of the last eight, beyond what its
         surroundings have risen: a cut that begins or grows louder lifts everything.
-    usual_db : float
-        What stood out near it, in the mean of the last seconds: a mode that is driven is heard before it chatters.
+    absolute_rise : float
+        The long rise with what the surroundings have risen.
     coherence : float
         Correlation of its complex amplitude after 25 ms: exp(-zeta omega t) for a mode.
     """
@@ -54,7 +54,7 @@ class Line(NamedTuple):
     growth_per_s: float
     rise: float
     long_rise: float
-    usual_db: float
+    absolute_rise: float
     coherence: float
 
     @property
@@ -121,7 +121,7 @@ class Spectrum:
         prominence: float,
         rise: float,
         long_rise: float,
-        usual: float,
+        absolute_rise: float,
     ) -> Line:
         """A line from the measures of the kernel, which counts in bins and hops."""
         return Line(
@@ -132,6 +132,6 @@ class Spectrum:
             growth_per_s=growth / self._hop_s,
             rise=rise,
             long_rise=long_rise,
-            usual_db=DECIBELS * usual,
+            absolute_rise=absolute_rise,
             coherence=coherence,
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,8 @@ LINE_WIDTH_HZ = 25.0
 # many standard deviations of the speed.
 ORDER_TOLERANCE_HZ = 6.0
 SPEED_DEVIATIONS = 2.33
+# Orders that any frequency is this likely to be near are not told apart.
+TELLING = 0.8
 
 # Plain numbers, as kernels take them.
 OSCILLATORY, HELD, STARTING = int(ModeStatus.OSCILLATORY), int(ModeStatus.HELD), int(ModeStatus.STARTING)
@@ -43,6 +46,18 @@ class ModeEvidence:
     share: float
 
 
+class Place(NamedTuple):
+    """Whether a frequency cannot be told from a multiple of another one, and how likely that is of any frequency."""
+
+    near: bool
+    by_chance: float
+
+    @property
+    def telling(self) -> bool:
+        """Whether multiples can be told apart."""
+        return self.by_chance < TELLING
+
+
 @dataclass(frozen=True, slots=True)
 class Vibration:
     """A line, the tracker's mode at it, and its place among the orders.
@@ -53,16 +68,20 @@ class Vibration:
         What the short-time spectrum says.
     mode : ModeEvidence or None
         What the recursion says; None where it has no mode there.
-    on_order : bool
-        Whether its frequency cannot be told from an order of the spindle.
-    by_chance : float or None
-        Probability that any frequency cannot be told from an order; None where orders cannot be told apart.
+    rotation, teeth : Place or None
+        Its place among the multiples of the rotation, and of the passing of teeth; None where the speed is unknown.
     """
 
     line: Line
     mode: ModeEvidence | None
-    on_order: bool
-    by_chance: float | None
+    rotation: Place | None = None
+    teeth: Place | None = None
+
+    @property
+    def on_order(self) -> bool:
+        """Whether it is on an order: of the teeth, where those of the rotation cannot be told apart."""
+        places = [place for place in (self.rotation, self.teeth) if place is not None and place.telling]
+        return bool(places) and places[0].near
 
     @property
     def damping_ratio(self) -> float:
@@ -132,7 +151,12 @@ def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
     modes = [mode for mode in slots if mode is not None]
     significant = [mode for mode in modes if mode.share >= SIGNIFICANT_SHARE]
     vibrations = tuple(
-        Vibration(line, _mode_at(line, modes), *place_among_orders(line.frequency_hz, orders, spindle.teeth))
+        Vibration(
+            line,
+            _mode_at(line, modes),
+            place_among_orders(line.frequency_hz, orders, 1),
+            place_among_orders(line.frequency_hz, orders, spindle.teeth),
+        )
         for line in observation.lines
         if line.share >= AUDIBLE_SHARE
     )
@@ -155,21 +179,16 @@ def _mode_at(line: Line, modes: list[ModeEvidence]) -> ModeEvidence | None:
     return min(near, key=lambda mode: mode.damping_ratio, default=None)
 
 
-def place_among_orders(frequency_hz: float, orders: Orders, teeth: int) -> tuple[bool, float | None]:
-    """Whether a frequency cannot be told from an order, and how likely that is by chance.
-
-    The orders are those of the rotation, or of the teeth where the former are too close to each other.
-    """
+def place_among_orders(frequency_hz: float, orders: Orders, spacing: int) -> Place | None:
+    """Place of a frequency among the multiples of so many times the rotation; None where that is unknown."""
     if orders.rotation_hz is None:
-        return False, None
+        return None
     deviation = (orders.rotation_sd_hz or 0.0) / orders.rotation_hz
     tolerance_hz = max(ORDER_TOLERANCE_HZ, SPEED_DEVIATIONS * deviation * frequency_hz)
-    for spacing_hz in (orders.rotation_hz, orders.rotation_hz * teeth):
-        if spacing_hz > 2.5 * tolerance_hz:
-            order = round(frequency_hz / spacing_hz)
-            near = order >= 1 and abs(frequency_hz - order * spacing_hz) < tolerance_hz
-            return near, 2.0 * tolerance_hz / spacing_hz
-    return False, None
+    spacing_hz = orders.rotation_hz * spacing
+    order = round(frequency_hz / spacing_hz)
+    near = order >= 1 and abs(frequency_hz - order * spacing_hz) < tolerance_hz
+    return Place(near, min(2.0 * tolerance_hz / spacing_hz, 1.0))
 
 
 def probability_below(mode: ModeEvidence, damping_ratio: float) -> float:

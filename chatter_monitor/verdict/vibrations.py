@@ -1,9 +1,9 @@
 """Every vibration of a channel followed by itself, so that a hum or a tooth's line hides no chatter beside it.
 
-Two questions are kept apart. Has it risen out of its surroundings and stayed? The chain of `kernels.kinds` answers
-that. And does something that turns explain it? A forced line rises, too, when the tool enters the cut, but it is on an
-order of the spindle. Self-excited is what has risen and is not explained; the answer changes when the speed becomes
-known. What an interval does to a vibration is told in `kernels.vibrations`.
+Two questions are kept apart. Has it risen and stayed? The chain of `kernels.kinds` answers that. And does something
+that turns explain it? A forced line rises, too, when the tool enters the cut, but it is on an order of the spindle, and
+one among others; chatter takes nearly all of the power. Self-excited is what has risen and is not explained; the answer
+changes when the speed becomes known. What an interval does to a vibration is told in `kernels.vibrations`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,9 @@ from chatter_monitor.kernels.vibrations import Odds, Rules
 from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.evidence import Evidence, Vibration
 from chatter_monitor.verdict.weights import CALM, GROWTH
+
+# Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
+FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
 
 _WEIGHTS = np.array([(*weights.per_measure, weights.offset) for weights in (GROWTH, CALM)])
 
@@ -108,11 +111,20 @@ def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
 
 
 def order_odds(vibration: Vibration, orders: Orders, odds: Odds) -> float:
-    """Log odds for self-excitation by how likely it is to be on an order, or off all of them, by chance."""
-    if vibration.on_order and vibration.by_chance is not None:
-        return math.log(vibration.by_chance)
-    if orders.source in (None, "found"):  # what was found may be another machine's comb
-        return odds.unknown_speed if orders.source is None else odds.off_found
-    if vibration.by_chance is None:
+    """Log odds for self-excitation by its place among the orders: chatter may be anywhere, forced lines are not."""
+    rotation, teeth = vibration.rotation, vibration.teeth
+    if rotation is None or teeth is None:
+        return odds.unknown_speed
+    if not teeth.telling:
         return 0.0
-    return math.log((1.0 - vibration.by_chance) / odds.forced_off_orders)
+    at_teeth = FORCED_AT_TEETH * teeth.near / teeth.by_chance
+    if rotation.telling:
+        elsewhere = FORCED_AT_ROTATION * rotation.near / rotation.by_chance
+        off = 0.0 if rotation.near else 1.0 / (1.0 - rotation.by_chance)
+    else:
+        elsewhere = FORCED_AT_ROTATION * teeth.near / teeth.by_chance
+        off = 0.0 if teeth.near else 1.0 / (1.0 - teeth.by_chance)
+    forced = at_teeth + elsewhere + FORCED_OFF_ORDERS * off
+    if orders.source == "found" and forced < 1.0:  # what was found may be another machine's comb
+        return odds.off_found
+    return -math.log(forced)

@@ -29,7 +29,7 @@ def line(**about):
     """A line that is this and otherwise unremarkable."""
     usual = {
         "frequency_hz": 1000.0, "share": 0.5, "prominence_db": 20.0, "variation": 0.3, "growth_per_s": 20.0,
-        "rise": 0.7, "long_rise": 1.5, "usual_db": 15.0, "coherence": 0.9, "damping_ratio": 0.02, "order_odds": 0.0,
+        "rise": 0.7, "long_rise": 1.5, "absolute_rise": 1.7, "coherence": 0.9, "damping_ratio": 0.02, "order_odds": 0.0,
     }  # fmt: skip
     return np.array([tuple((usual | about)[name] for name in LINE.names)], LINE)[0]
 
@@ -148,9 +148,10 @@ def test_more_growth_is_more_growing(weights, before, more):
 def test_measures_are_what_the_docstring_says():
     """Each measure of a line by hand."""
     growth_percent = 100.0 * 20.0 / (2.0 * math.pi * 1000.0)
-    expected = (2.0, 0.0, -math.log(0.11), 0.3, 0.7, 1.5, 0.0, growth_percent, math.log10(0.021))
+    tightness = -math.log10(-math.log(0.9) / (2.0 * math.pi * 1000.0 * 0.025))
+    expected = (2.0, 0.0, -math.log(0.11), tightness, 0.3, 0.7, 1.5, 1.7, 0.0, growth_percent, math.log10(0.021))
     assert measures(line()) == pytest.approx(expected)
-    assert measures(line(growth_per_s=-20.0))[6:8] == pytest.approx((-growth_percent, 0.0))
+    assert measures(line(growth_per_s=-20.0))[8:10] == pytest.approx((-growth_percent, 0.0))
 
 
 values = st.floats(allow_nan=False)

@@ -13,7 +13,7 @@ from chatter_monitor.records import Flag
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.spectrum import Line
-from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration
+from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Place, Vibration
 from chatter_monitor.verdict.judge import DEAF, Judge, JudgeSettings, Memory, opinion
 from chatter_monitor.verdict.vibrations import Followed
 
@@ -29,16 +29,16 @@ def mode(damping=0.02, frequency=HZ, sd=0.0005):
     return ModeEvidence(frequency, damping, sd, 0.9)
 
 
-def growing(frequency=HZ, damping=0.0, *, on_order=False, usual_db=15.0):
-    """A line that rises out of its surroundings, coherent, tenfold within a second."""
-    line = Line(frequency, 0.9, 35.0, 0.7, 60.0, 2.3, 3.0, usual_db, 0.99)
-    return Vibration(line, mode(damping, frequency), on_order, by_chance=0.2)
+def growing(frequency=HZ, damping=0.0, *, on_order=False, share=0.9):
+    """A line that rises, coherent, tenfold within a second."""
+    line = Line(frequency, share, 35.0, 0.7, 60.0, 2.3, 3.0, 3.2, 0.99)
+    return Vibration(line, mode(damping, frequency), *[Place(on_order, 0.2)] * 2)
 
 
 def steady(frequency=HZ, damping=0.0, *, on_order=False, share=0.9):
     """A line as coherent that neither grows nor varies."""
-    line = Line(frequency, share, 30.0, 0.02, 0.0, 0.0, 0.0, 15.0, 0.99)
-    return Vibration(line, mode(damping, frequency), on_order, by_chance=0.2)
+    line = Line(frequency, share, 30.0, 0.02, 0.0, 0.0, 0.0, 0.0, 0.99)
+    return Vibration(line, mode(damping, frequency), *[Place(on_order, 0.2)] * 2)
 
 
 def evidence(*vibrations, critical=None, orders=UNKNOWN_SPEED, margin=NO_MARGIN, rms=1.0, flags=Flag.NONE, **about):
@@ -181,15 +181,15 @@ def test_chatter_under_a_strong_comb_is_an_alarm():
 
 
 def test_a_hum_hides_no_chatter():
-    """Growth beside a steady line that carries most of the power is an alarm, and named by what grows."""
-    hum = steady(100.0, share=0.85)
-    verdict = judged(*[evidence(hum)] * 40, *[evidence(hum, growing())] * 20)[-1]
+    """Growth beside a steady line is an alarm once it carries most of the power, and named by what grows."""
+    hum, louder = steady(100.0, share=0.85), (steady(100.0, share=0.25), growing(share=0.7))
+    verdict = judged(*[evidence(hum)] * 40, *[evidence(*louder)] * 20)[-1]
     assert (verdict.state, verdict.frequency_hz) == ("self_excited", HZ)
 
 
 def test_what_rises_on_an_order_is_no_alarm_until_it_leaves_it():
     """A new line that rises on an order may come with the tool's entry; if it turns out to be off them, an alarm."""
-    on, off = (evidence(growing(on_order=on_order, usual_db=0.0), orders=TOLD) for on_order in (True, False))
+    on, off = (evidence(growing(on_order=on_order), orders=TOLD) for on_order in (True, False))
     assert "self_excited" not in states(*[CALM] * 40, *[on] * 60)
     assert states(*[CALM] * 40, *[on] * 60, *[off] * 20)[-1] == "self_excited"
 

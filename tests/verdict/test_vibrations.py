@@ -17,7 +17,7 @@ from tests import naive
 
 RULES = Rules(alarm_probability=0.8, calm_probability=0.5)
 # Rising and coherent is growth, coherent and steady is calm.
-WEIGHTS = np.array([[0, 0, 1, 0, 0, 4, 0, 0, 0, -6], [1, 0, 1, -9, 1, 0, 0, 0, 0, -2]], float)
+WEIGHTS = np.array([[0, 0, 1, 0, 0, 0, 4, 0, 0, 0, 0, -6], [1, 0, 1, 0, -9, 1, 0, 0, 0, 0, 0, -2]], float)
 
 
 def shift(seed, intervals):
@@ -34,20 +34,20 @@ def shift(seed, intervals):
                 rows.append(
                     (
                         centre_hz * (1.0 + 0.01 * rng.standard_normal()),
-                        0.2,
+                        rng.uniform(0.1, 0.9),
                         25.0,
                         0.1,
                         0.0,
                         0.5,
                         rising,
-                        rng.choice([5.0, 15.0]),
+                        rising + 1.0,
                         rng.uniform(0.7, 1.0),
                         0.01,
                         rng.normal(0.0, 1.5),
                     )
                 )
         for hertz in rng.uniform(50.0, 6000.0, rng.integers(0, 4)):
-            rows.append((hertz, 0.01, 8.0, 0.5, 0.0, 0.0, 0.0, 4.0, rng.uniform(0.0, 0.9), 0.03, -0.7))  # noqa: PERF401
+            rows.append((hertz, 0.01, 8.0, 0.5, 0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.9), 0.03, -0.7))  # noqa: PERF401
         yield np.array(rows, LINE)
 
 
@@ -91,8 +91,8 @@ def test_what_is_not_heard_is_forgotten(chattered, limit):
 
 
 def interval(*frequencies_hz):
-    lines = [Line(hertz, 0.9, 35.0, 0.7, 60.0, 2.3, 3.0, 15.0, 0.99) for hertz in frequencies_hz]
-    vibrations = tuple(Vibration(line, None, on_order=False, by_chance=None) for line in lines)
+    lines = [Line(hertz, 0.9, 35.0, 0.7, 60.0, 2.3, 3.0, 3.0, 0.99) for hertz in frequencies_hz]
+    vibrations = tuple(Vibration(line, None) for line in lines)
     orders = Orders(0, None, None, None, 0.0)
     return Evidence(None, vibrations, orders, Margin(), held=False, starting=False, rms=1.0, flags=Flag.NONE)
 
