@@ -35,6 +35,7 @@ table.stack td{display:flex;justify-content:space-between;gap:1rem;border:0;padd
 table.stack td span{overflow-wrap:anywhere}
 table.stack td::before{content:attr(data-of);color:var(--soft);text-align:left}}
 @media print{body{max-width:none;padding:0;font-size:11pt}figure,tr,.answer,.numbers div{break-inside:avoid}
+figure img{width:auto;max-width:100%;max-height:15cm}
 .answer{-webkit-print-color-adjust:exact;print-color-adjust:exact}h2{break-after:avoid}}
 """
 

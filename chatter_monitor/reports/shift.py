@@ -203,14 +203,15 @@ def _figure(shift: Shift) -> Figure:
         loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, frameon=False, fontsize="x-small", columnspacing=1.0
     )
     middle = begin + 0.5 * width
-    least = np.array([100.0 * b.damping for b in shift.bins])
-    left = np.array([b.margin_percent for b in shift.bins])
-    damping.plot(middle[np.isfinite(least)], least[np.isfinite(least)], ".-", lw=0.6, ms=3, color=hex_colour(SKY_BLUE))
+    least, left = (
+        np.where(np.isfinite(values), values, np.nan)  # the line breaks where nothing is known
+        for values in ([100.0 * b.damping for b in shift.bins], [b.margin_percent for b in shift.bins])
+    )
+    damping.plot(middle, least, ".-", lw=0.6, ms=3, color=hex_colour(SKY_BLUE))
     damping.axhline(0.0, color=hex_colour(STATES["self_excited"][1]), lw=1.2)
     damping.set(ylabel="least damping / %", ylim=(-2.0, 8.0))
     if np.isfinite(left).any():
-        known = np.isfinite(left)
-        margin.plot(middle[known], left[known], ".-", lw=0.6, ms=3, color=hex_colour(GREY))
+        margin.plot(middle, left, ".-", lw=0.6, ms=3, color=hex_colour(GREY))
     else:
         margin.text(0.5, 0.5, "not known: it needs the spindle's speed", ha="center", transform=margin.transAxes)
     margin.set(ylabel="least margin / %", ylim=(0.0, 100.0), xlabel=f"time / {unit}")

@@ -173,8 +173,9 @@ def _why_chatter(alarm: Followed) -> tuple[str, ...]:
         return ("the vibration has not died down since the alarm",)
     line, mode = alarm.heard.line, alarm.heard.mode
     reasons = [f"{_line(alarm)} {'grows' if alarm.kinds.growing > alarm.kinds.saturated else 'has grown'} by itself"]
-    if line.long_rise > 0.5:
-        reasons.append(f"{math.exp(line.long_rise):.1f} times its amplitude of the last seconds")
+    if line.absolute_rise > 0.5:
+        reasons.append(f"{math.exp(line.absolute_rise):.1f} times its amplitude of the last seconds")
+    reasons.append(f"it takes {100 * line.share:.0f} % of the power that is not in multiples of a rotation")
     if mode is not None:
         reasons.append(f"damping {_percent(mode)}")
     return tuple(reasons)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import pytest
@@ -128,12 +129,14 @@ def test_growth_is_a_warning_and_then_an_alarm():
 
 
 def test_the_alarm_tells_frequency_damping_and_why():
-    """An alarm names the vibration that grows, its damping, and that it grows by itself."""
+    """An alarm names the vibration that grows, its damping, that it grows by itself, by how much, and what it takes."""
     verdict = judged(*ONSET)[-1]
     assert (verdict.frequency_hz, verdict.damping_ratio) == (HZ, 0.0)
     assert verdict.confidence > 0.9
     assert verdict.reasons[0].startswith("the vibration at 1067 Hz")
     assert "by itself" in verdict.reasons[0]
+    assert verdict.reasons[1] == f"{math.exp(growing().line.absolute_rise):.1f} times its amplitude of the last seconds"
+    assert "takes 90 %" in verdict.reasons[2]
     room = Margin(margin_percent=40.0, margin_ci95=(30.0, 50.0))
     before, alarm = judged(evidence(margin=room), *ONSET[40:], evidence(growing(), margin=room))[:: len(ONSET) - 39]
     assert (before.margin_percent, alarm.state, alarm.margin_percent) == (40.0, "self_excited", None)
