@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTHON ?= python3
 
-.PHONY: demo test test-fast check docs bench paper pictures recordings setup clean install-service uninstall-service
+.PHONY: demo test test-fast check docs pages bench paper pictures recordings setup clean install-service uninstall-service
 
 demo: $(READY)
 	@$(BIN)/chatter-monitor replay replay_data/bar_turning.flac --config config/lathe.toml
@@ -36,8 +36,12 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.archive
 	$(BIN)/python -m benchmarks.fleet
 
-# The documentation, in build/docs; a link that leads nowhere is an error.
-docs: $(READY)
+# The documentation, in build/docs: a link that leads nowhere is an error, and an example that prints something else.
+docs: pages
+	$(BIN)/python -m pytest -q tests/test_examples.py
+
+# The same without its examples, which take minutes.
+pages: $(READY)
 	$(BIN)/python -m docs.configuration
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -d build/doctrees docs build/docs
 	@echo "Open build/docs/index.html"

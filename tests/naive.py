@@ -192,7 +192,7 @@ class NaiveVibration:
         if self.chattered and line["long_rise"] < vibrations.DIED_DOWN:
             return np.full(2, -CONVINCING)
         seen = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
-        least = np.exp(-vibrations.LEAST_COHERENT_DAMPING * 2.0 * np.pi * line["frequency_hz"] * 0.025)
+        least = np.exp(-vibrations.COHERENT_DAMPING * 2.0 * np.pi * line["frequency_hz"] * 0.025)
         if line["coherence"] < max(least, vibrations.LEAST_COHERENCE):
             seen[0] = min(seen[0], 0.0)
         return seen

@@ -22,8 +22,8 @@ from chatter_monitor.kernels.options import OPTIONS
 CONVINCING = 8.0
 
 MEASURES = 11
-# Lag of the coherence: the window of the short-time spectrum.
-LAG_S = 0.025
+# Lag of the coherence of a line.
+COHERENCE_LAG_S = 0.025
 
 # A line of the short-time spectrum (`tracking.spectrum.Line`), with the damping ratio of the tracker's mode at it, or
 # its own where there is none, and its log odds for self-excitation by its place among the orders.
@@ -107,7 +107,7 @@ def measures(line):
         min(max(line.prominence_db, 0.0), 40.0) / 10.0,
         math.log(share / (1.0 - share)),
         -math.log(1.01 - min(line.coherence, 1.0)),
-        -math.log10(min(max(coherence_damping(line), 2e-4), 0.03)),
+        -math.log10(min(max(coherence_damping(line.coherence, line.frequency_hz), 2e-4), 0.03)),
         min(line.variation, 1.0),
         min(max(line.rise, -1.5), 3.5),
         min(max(line.long_rise, -1.5), 3.5),
@@ -119,9 +119,9 @@ def measures(line):
 
 
 @njit(**OPTIONS)
-def coherence_damping(line):
+def coherence_damping(coherence, frequency_hz):
     """Damping ratio of a mode that noise drives and that is as coherent: exp(-zeta omega t)."""
-    return -math.log(min(max(line.coherence, 1e-6), 1.0)) / (2.0 * math.pi * line.frequency_hz * LAG_S)
+    return -math.log(min(max(coherence, 1e-6), 1.0)) / (2.0 * math.pi * frequency_hz * COHERENCE_LAG_S)
 
 
 @njit(**OPTIONS)

@@ -18,7 +18,7 @@ NOT_HEARD = Likeness(-1.0, -1.0)
 FORGOTTEN, FORGOTTEN_CHATTER = 10, 1200
 # What grows by itself is coherent; noise that comes and goes is not, nor is a mode that it drives: beyond this damping
 # ratio, or below this coherence, nothing is taken for growth.
-LEAST_COHERENT_DAMPING, LEAST_COHERENCE = 0.004, 0.4
+COHERENT_DAMPING, LEAST_COHERENCE = 0.004, 0.4
 # A vibration is over when its amplitude has fallen below half of what it was for seconds (natural logarithm): that of a
 # saturated one does not, whatever its damping reads.
 DIED_DOWN = -0.7
@@ -190,7 +190,8 @@ def _likeness(vibration, line, weights):
     if vibration.chattered and line.long_rise < DIED_DOWN:
         return NOTHING
     seen = likeness(line, weights)
-    if line.coherence < LEAST_COHERENCE or coherence_damping(line) > LEAST_COHERENT_DAMPING:
+    damping_ratio = coherence_damping(line.coherence, line.frequency_hz)
+    if line.coherence < LEAST_COHERENCE or damping_ratio > COHERENT_DAMPING:
         return Likeness(min(seen.growth, 0.0), seen.calm)
     return seen
 

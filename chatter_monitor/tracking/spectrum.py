@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels import lines
+from chatter_monitor.kernels.kinds import COHERENCE_LAG_S, coherence_damping
 from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
 
-# 25 ms tell lines 40 Hz apart and follow an amplitude that grows e-fold within that time.
-WINDOW_S = 0.025
+# 25 ms tell lines 40 Hz apart and follow an amplitude that grows e-fold within that time. What is compared for the
+# coherence has no samples in common.
+WINDOW_S = COHERENCE_LAG_S
 # How far back the amplitude of a line is looked at.
 HISTORY_S = 1.0
 LONG_S = 8.0
@@ -60,7 +62,7 @@ class Line(NamedTuple):
     @property
     def damping_ratio(self) -> float:
         """Damping that the loss of coherence within 25 ms would have; what else there is in the line adds to it."""
-        return -math.log(max(self.coherence, 1e-6)) / (2.0 * math.pi * self.frequency_hz * WINDOW_S)
+        return float(coherence_damping(self.coherence, self.frequency_hz))
 
 
 class Spectrum:
