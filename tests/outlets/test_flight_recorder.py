@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import resource
 import threading
 import tracemalloc
 from dataclasses import replace
@@ -19,6 +18,7 @@ from chatter_monitor.outlets.flight_recorder import WAITING, FlightRecorder, Rec
 from chatter_monitor.outlets.odp_table import MODE_COLUMNS
 from chatter_monitor.records import Flag
 from chatter_monitor.tracking.spindle import SpindleSettings
+from tests.full_disk import file_size_limit
 from tests.outlets.recorder_feed import (
     CLOCK,
     INTERVAL,
@@ -308,14 +308,9 @@ def test_a_full_disk_is_told_and_monitoring_goes_on(record, kept, directory):
 @pytest.mark.parametrize("limit_bytes", [0, 1000, 20_000, 60_000])
 def test_files_that_cannot_be_completed(record, directory, limit_bytes):
     """Whichever file it is that the disk has no room for, nothing of the recording stays."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    with record() as recorder:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, hard))
-        try:
-            feed(recorder, "----------#####----------")
-            recorder.close()
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    with record() as recorder, file_size_limit(limit_bytes):
+        feed(recorder, "----------#####----------")
+        recorder.close()
     assert recorder.failed == 1
     assert "File too large" in recorder.problems()[0]
     assert [path.name for path in directory.iterdir()] == [".lock"]

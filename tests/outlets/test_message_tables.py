@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import resource
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -14,6 +13,7 @@ from chatter_monitor.errors import EnvironmentFault
 from chatter_monitor.outlets.message_tables import ROWS_PER_GROUP, TABLES, MessageTable, MessageTables
 from chatter_monitor.outlets.wire import encode
 from chatter_monitor.records import Advice, Event, Health, Mode, Odp, Verdict
+from tests.full_disk import file_size_limit
 
 VERDICT = Verdict(channel=1, t0=0.0, t1=0.05, sample0=0, sample1=640, state="unknown", reasons=["it begins"])
 FULL = Verdict(
@@ -112,19 +112,15 @@ def test_a_place_that_cannot_be_written(tmp_path):
     assert [path for path in tmp_path.rglob("*.part*") if path.is_file()] == []
 
 
-@pytest.fixture
-def full_disk():
-    """No file grows beyond 4 kB."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
-def test_a_disk_that_is_full(paths, tmp_path, full_disk):  # noqa: ARG001  it is there
+def test_a_disk_that_is_full(paths, tmp_path):
     """It is a fault of the environment, whenever it is noticed, and no part of a table stays."""
-    with pytest.raises(EnvironmentFault, match="cannot be written"), MessageTables(paths) as tables:  # noqa: PT012
-        for number in range(2000):
-            tables.frame(None, Odp(channel=0, t=number**0.5, modes=[]))
+
+    def write():
+        with MessageTables(paths) as tables:
+            for number in range(2000):
+                tables.frame(None, Odp(channel=0, t=number**0.5, modes=[]))
+
+    with file_size_limit(4096), pytest.raises(EnvironmentFault, match="cannot be written"):
+        write()
     left = [path for path in tmp_path.rglob("*") if path.is_file()]
     assert [path for path in left if path.parent.name == "odp" or path.suffix == ".part"] == []

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import resource
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -14,6 +10,7 @@ from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.outlets import odp_table
 from chatter_monitor.outlets.odp_table import MODE_COLUMNS, OdpTable
 from chatter_monitor.records import OdpFrame
+from tests.full_disk import file_size_limit
 
 FS = 12_800.0
 
@@ -26,17 +23,6 @@ def _small_groups(monkeypatch):
 
 def open_table(path, modes=2) -> OdpTable:
     return OdpTable(path, modes=modes, sample_rate_hz=FS, machine="lathe-3")
-
-
-@contextmanager
-def file_size_limit(size: int) -> Iterator[None]:
-    """Let writing fail as on a full disk."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def test_reads_back_bit_equal(tmp_path, make_interval):
