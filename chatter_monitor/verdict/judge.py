@@ -23,8 +23,10 @@ DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 
 # From this share of the power on, what turns with the spindle comes before a warning.
 MOST = 0.5
-# How far what is heard as forced may be from what is: on development cuts the odds of being forced grow e-fold with it.
-SHARE_DOUBT = 0.2
+# How likely a cut is forced by the share of the power that is heard as such, fitted to development cuts: with next to
+# none of it and with all; the share half-way between the two, and how far from it the odds change e-fold.
+FORCED_WITH_NONE, FORCED_WITH_ALL = 0.19, 0.84
+HALF_WAY, SHARE_DOUBT = 0.22, 0.1
 # By so much the share may be below the border before what was called forced is not any more, and the other way round.
 HYSTERESIS = 0.05
 # Weight of an interval in the average of the shares: a second of intervals.
@@ -55,8 +57,8 @@ class JudgeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     certainty : float
         Probability with which damping or margin has to be below its threshold.
     forced_share : float
-        Share of the power that is heard as forced from which on the cut is more likely forced than not. Only what is
-        steady is heard as such, about half of what teeth do.
+        Share of the power that is heard as forced from which on the cut is called forced. Only what is steady is heard
+        as such, about half of what teeth do.
     idle_ratio : float
         Below this share of the loudest level of the last minute, nothing is being cut.
     """
@@ -127,7 +129,7 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     suspect = next((v for v in memory.vibrations if v.heard is not None), None)
     calm = 1.0 - max((v.self_excited for v in memory.vibrations), default=0.0)
     share, strongest = memory.synchronous + memory.steady, _strongest_forced(memory)
-    forced = 1.0 / (1.0 + math.exp((settings.forced_share - share) / SHARE_DOUBT))
+    forced = _forced_by(share)
     if memory.synchronous > MOST:
         return Opinion("forced", calm * forced, _why_forced(evidence))
     if suspect is not None and suspect.self_excited >= settings.warning_probability:
@@ -138,6 +140,11 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
             return Opinion("forced", calm * forced, _why_forced(evidence))
         return Opinion("forced", calm * forced, _why_steady(strongest), strongest.heard)
     return _stable_or_near(evidence, memory, calm * (1.0 - forced), settings)
+
+
+def _forced_by(share: float) -> float:
+    """Probability that more than half of the power is forced, by the share that is heard as such."""
+    return FORCED_WITH_NONE + (FORCED_WITH_ALL - FORCED_WITH_NONE) / (1.0 + math.exp((HALF_WAY - share) / SHARE_DOUBT))
 
 
 def _strongest_forced(memory: Memory) -> Followed | None:
