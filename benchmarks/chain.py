@@ -2,7 +2,8 @@
 
 Simulated cuts of the development split (`benchmarks.verdict`), told their speed or not, and silence. Stages are run one
 after the other on what the stage before gave, the whole chain runs in one; all of that in turns, least processor time
-of each. A stage's share is that of the stages' sum, which the whole should come to.
+of each. A stage's share is that of the stages' sum, which the whole should come to. And how long the program takes to
+its first line, by the clock.
 
 Run: python -m benchmarks.chain [--cuts N] [--rounds N]
 """
@@ -10,6 +11,8 @@ Run: python -m benchmarks.chain [--cuts N] [--rounds N]
 from __future__ import annotations
 
 import argparse
+import subprocess
+import sys
 import tempfile
 import time
 from collections import defaultdict
@@ -133,6 +136,20 @@ def report(name: str, cases: list[Case], rounds: int, recursion_ns: float, yards
     return speed
 
 
+def first_line_s(*arguments: str) -> float:
+    """Seconds until the program prints its first line: the least of three starts."""
+    took = []
+    for _ in range(3):
+        began = time.perf_counter()
+        command = [sys.executable, "-m", "chatter_monitor", *arguments]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+            if process.stdout is not None:
+                process.stdout.readline()
+            took.append(time.perf_counter() - began)
+            process.kill()
+    return min(took)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -166,6 +183,9 @@ def main() -> None:
     print(
         f"target: {TARGET:.0f} times real time for one channel on one core: {'' if min(speeds) > TARGET else 'NOT '}met"
     )
+    recording = str(Path(__file__).parents[1] / "replay_data/bar_turning.flac")
+    warm = first_line_s("replay", recording, "--jsonl", "/dev/stdout")
+    print(f"--help after {first_line_s('--help'):.2f} s (target 0.3), a first result after {warm:.2f} s (target 2)")
 
 
 if __name__ == "__main__":

@@ -285,22 +285,14 @@ def test_subscribers_that_do_not_listen_delay_nothing(tmp_path, excerpt, publish
     assert stopped_s < alone_s + 6
 
 
-def first_line_after(run):
-    """Seconds from the start of a process to its first line, which must be a message."""
-    began = time.monotonic()
-    with subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        line = process.stdout.readline()
-        took = time.monotonic() - began
-        process.stdout.read()
-        assert process.wait(60) == 0, process.stderr.read()
-    assert parse(line.decode())["type"] == "odp"
-    return took
+def test_a_warm_start_compiles_nothing(bar):  # noqa: ARG001  it has compiled the kernels
+    """From a warm start the first line is a message, and there was nothing to wait for.
 
-
-def test_first_result_within_three_seconds(bar):  # noqa: ARG001  it has compiled the kernels
-    """From a warm start the first line comes within 3 s; the best of three, for other work on the same cores."""
-    run = command(BAR, "--jsonl", "/dev/stdout")
-    assert min(first_line_after(run) for _ in range(3)) < 3.0
+    How long it takes is told by `benchmarks.chain`.
+    """
+    done = subprocess.run(command(BAR, "--jsonl", "/dev/stdout"), capture_output=True, check=True, timeout=200)
+    assert parse(done.stdout.splitlines()[0].decode())["type"] == "odp"
+    assert b"Compiling" not in done.stderr
 
 
 @pytest.mark.slow
