@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from chatter_monitor.errors import EnvironmentFault, InputError
+from chatter_monitor.outlets.durable import synchronise
 
 PART = ".part-"
 REMOVED = ".removed-"
@@ -240,10 +241,10 @@ class EventWriter(EventStore):
             part.mkdir()
             write(part, name)
             for path in (*part.iterdir(), part):
-                _synchronise(path)
+                synchronise(path)
             self._make_room(sum(path.stat().st_size for path in part.iterdir()))
             part.rename(self.directory / name)
-            _synchronise(self.directory)
+            synchronise(self.directory)
         except BaseException:
             shutil.rmtree(part, ignore_errors=True)
             self.close()  # the directory may be gone, or another disk: the next attempt begins anew
@@ -299,12 +300,3 @@ def _remove_folder(path: Path) -> None:
     """Remove a folder, if it is there, with what is in it."""
     with suppress(FileNotFoundError):
         shutil.rmtree(path)
-
-
-def _synchronise(path: Path) -> None:
-    """Have the disk keep a file, or the names in a folder."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

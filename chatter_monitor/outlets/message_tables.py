@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from chatter_monitor.errors import EnvironmentFault
 from chatter_monitor.outlets.outlet import Outlet
+from chatter_monitor.outlets.parquet_file import ParquetFile
 from chatter_monitor.outlets.wire import encode
 from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
 
@@ -77,17 +77,13 @@ class MessageTable:
     """
 
     def __init__(self, path: Path, message: type[msgspec.Struct]) -> None:
-        self._path = path
-        # Two workers may be at the same table: one of them was given up for dead.
-        self._unfinished = path.with_name(f".{path.name}.{os.getpid()}.{os.urandom(4).hex()}.part")
         self._schema = table_schema(message)
         self._rows: list[dict[str, Any]] = []
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = pa.OSFile(str(self._unfinished), "wb")
+            self._file = ParquetFile(path, self._schema, compression="zstd")
         except OSError as error:
-            raise self._fault(error) from error
-        self._writer = pq.ParquetWriter(self._file, self._schema, compression="zstd")
+            raise EnvironmentFault(f"a table cannot be written: {error.strerror}", got=str(path)) from error
 
     def append(self, message: msgspec.Struct) -> None:
         """Append a row."""
@@ -97,23 +93,8 @@ class MessageTable:
 
     def close(self) -> None:
         """Write the rest and give the file its name."""
-        try:
-            self._write_group()
-            self._writer.close()
-            self._file.close()
-            self._unfinished.replace(self._path)
-        except EnvironmentFault:
-            self.discard()
-            raise
-        except OSError as error:
-            self.discard()
-            raise self._fault(error) from error
-
-    def discard(self) -> None:
-        """Remove the unfinished file."""
-        self._writer.is_open = False  # or it would try to complete the file when it is collected
+        self._write_group()
         self._file.close()
-        self._unfinished.unlink(missing_ok=True)
 
     def __enter__(self) -> MessageTable:
         return self
@@ -124,19 +105,13 @@ class MessageTable:
         if kind is None:
             self.close()
         else:
-            self.discard()
+            self._file.discard()
 
     def _write_group(self) -> None:
-        if not self._rows:
-            return
-        try:
-            self._writer.write_table(pa.Table.from_pylist(self._rows, schema=self._schema))
-        except OSError as error:
-            raise self._fault(error) from error
-        self._rows.clear()
-
-    def _fault(self, error: OSError) -> EnvironmentFault:
-        return EnvironmentFault(f"a table cannot be written: {error.strerror or error}", got=str(self._path))
+        if self._rows:
+            rows = pa.Table.from_pylist(self._rows, schema=self._schema)
+            self._rows.clear()
+            self._file.write(rows)
 
 
 class MessageTables(Outlet):
@@ -149,13 +124,11 @@ class MessageTables(Outlet):
     """
 
     def __init__(self, paths: Mapping[str, Path]) -> None:
-        self._tables: dict[str, MessageTable] = {}
-        try:
-            for name, message in TABLES.items():
-                self._tables[name] = MessageTable(paths[name], message)
-        except EnvironmentFault:
-            self._discard()
-            raise
+        with ExitStack() as opened:
+            self._tables = {
+                name: opened.enter_context(MessageTable(paths[name], message)) for name, message in TABLES.items()
+            }
+            self._open = opened.pop_all()
 
     def frame(self, frame: OdpFrame, odp: Odp) -> None:  # noqa: ARG002  the summary is enough here
         """Append the summary of the interval."""
@@ -170,24 +143,10 @@ class MessageTables(Outlet):
                 self._tables["event"].append(message)
 
     def close(self) -> None:
-        """Give the tables their names; a second call does nothing."""
-        while self._tables:
-            _, table = self._tables.popitem()
-            try:
-                table.close()
-            except EnvironmentFault:
-                self._discard()
-                raise
-
-    def _discard(self) -> None:
-        for table in self._tables.values():
-            table.discard()
-        self._tables.clear()
+        """Give the tables their names, or none of those that are left when one fails; a second call does nothing."""
+        self._open.close()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        if kind is None:
-            self.close()
-        else:
-            self._discard()
+        self._open.__exit__(kind, error, traceback)

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from chatter_monitor.errors import EnvironmentFault, InputError
+from chatter_monitor.errors import InputError
 from chatter_monitor.outlets.outlet import Outlet
+from chatter_monitor.outlets.parquet_file import ParquetFile
 from chatter_monitor.records import Event, Health, ModeStatus, Odp, OdpFrame, Verdict
 
 SCHEMA = "chatter-monitor/odp-table/1"
@@ -57,8 +56,6 @@ class OdpTable(Outlet):
     """
 
     def __init__(self, path: Path, *, modes: int, sample_rate_hz: float, machine: str) -> None:
-        self._path = path
-        self._unfinished = path.with_name(f"{path.name}.{os.getpid()}.part")
         self._modes = modes
         self._sample_rate_hz = sample_rate_hz
         self._rows = 0
@@ -77,23 +74,22 @@ class OdpTable(Outlet):
                 "status": ", ".join(f"{status.value} = {status.name.lower()}" for status in ModeStatus),
             },
         )
+        floats = {name: "BYTE_STREAM_SPLIT" for name, c in self._columns().items() if c.dtype.kind == "f"}
         try:
             if path.exists() and not path.is_file():  # a device would be replaced by the table
                 raise OSError(None, "It is not a regular file")
-            self._file = pa.OSFile(str(self._unfinished), "wb")
+            self._file = ParquetFile(
+                path,
+                self._schema,
+                compression=COMPRESSION,
+                use_dictionary=False,
+                column_encoding=floats | {"sample": "DELTA_BINARY_PACKED"},
+                write_statistics=["channel", "sample", "t"],  # what readers select by
+            )
         except OSError as error:
             raise InputError(
                 f"the ODP table cannot be written: {error.strerror}", got=str(path), remedy="Choose another file."
             ) from error
-        floats = {name: "BYTE_STREAM_SPLIT" for name, c in self._columns().items() if c.dtype.kind == "f"}
-        self._writer = pq.ParquetWriter(
-            self._file,
-            self._schema,
-            compression=COMPRESSION,
-            use_dictionary=False,
-            column_encoding=floats | {"sample": "DELTA_BINARY_PACKED"},
-            write_statistics=["channel", "sample", "t"],  # what readers select by
-        )
 
     def frame(self, frame: OdpFrame, odp: Odp) -> None:  # noqa: ARG002  the table has every sample, not the summary
         """Append all samples of the frame."""
@@ -114,21 +110,8 @@ class OdpTable(Outlet):
 
     def close(self) -> None:
         """Write the rest and give the file its name."""
-        if self._file.closed:
-            return
-        try:
-            self._write_group()
-            self._writer.close()
-            self._file.close()
-            self._unfinished.replace(self._path)
-        except OSError as error:
-            raise self._fault(error) from error
-
-    def discard(self) -> None:
-        """Remove the unfinished file."""
-        self._writer.is_open = False  # or it would try to complete the file when it is collected
+        self._write_group()
         self._file.close()
-        self._unfinished.unlink(missing_ok=True)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
@@ -136,7 +119,7 @@ class OdpTable(Outlet):
         if kind is None:
             self.close()
         else:
-            self.discard()
+            self._file.discard()
 
     def _append(self, frame: OdpFrame, start: int, count: int) -> None:
         """Copy rows ``start ... start + count`` of the frame behind those that are buffered."""
@@ -165,13 +148,5 @@ class OdpTable(Outlet):
         if self._rows == 0:
             return
         arrays = [pa.array(column, from_pandas=False) for column in self._columns().values()]
-        try:
-            self._writer.write_table(pa.table(arrays, schema=self._schema), row_group_size=self._rows)
-        except OSError as error:
-            raise self._fault(error) from error
         self._rows = 0
-
-    def _fault(self, error: OSError) -> EnvironmentFault:
-        """Remove what cannot be completed, and say why."""
-        self.discard()
-        return EnvironmentFault(f"the ODP table stopped: {error.strerror or error}", got=str(self._path))
+        self._file.write(pa.table(arrays, schema=self._schema))

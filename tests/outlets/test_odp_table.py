@@ -116,7 +116,7 @@ def test_full_disk(tmp_path, make_interval, frames):
             for frame, odp in intervals:
                 table.frame(frame, odp)
 
-    with file_size_limit(2000), pytest.raises(EnvironmentFault, match=r"ODP table stopped: .*odp\.parquet"):
+    with file_size_limit(2000), pytest.raises(EnvironmentFault, match=r"table cannot be written: .*odp\.parquet"):
         write()
     assert list(tmp_path.iterdir()) == []
 

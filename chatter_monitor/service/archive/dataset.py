@@ -17,6 +17,7 @@ import msgspec
 import pyarrow.dataset as ds
 
 from chatter_monitor.errors import EnvironmentFault, InputError
+from chatter_monitor.outlets.durable import synchronise
 from chatter_monitor.outlets.message_tables import TABLES, write_table
 from chatter_monitor.reports.archive import Summary
 
@@ -63,6 +64,7 @@ class DataSet:
                 else:
                     part = mark.with_suffix(".part")
                     part.write_bytes(msgspec.json.format(msgspec.json.encode(claim), indent=1) + b"\n")
+                    synchronise(part)
                     part.replace(mark)
                 for left in self.path.glob("*/*/.*.part"):  # by a run that was killed
                     left.unlink(missing_ok=True)
@@ -117,6 +119,8 @@ class DataSet:
             for other in self.file(table, recording, summary.key).parent.glob("*.parquet"):
                 if other.stem != summary.key:  # of what the recording was before it was replaced
                     other.unlink(missing_ok=True)
+        for table in TABLES:  # a summary that outlives a power failure must find the folders of its tables
+            synchronise(self.path / table)
         write_table(self.file(SUMMARY, recording, summary.key), [summary])
 
     def summaries(self) -> dict[str, Summary]:
