@@ -54,6 +54,16 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     recorder: RecorderSettings = RecorderSettings()
 
 
+# Tables that say where results go, not what they are.
+_ELSEWHERE = ("publish", "control", "metrics", "recorder")
+
+
+def decisive_tables(settings: Settings) -> dict[str, dict[str, Any]]:
+    """Tables that the results on given samples depend on, defaults and all."""
+    tables: dict[str, dict[str, Any]] = msgspec.to_builtins(settings)
+    return {name: table for name, table in tables.items() if name not in _ELSEWHERE}
+
+
 def load(paths: Sequence[Path], overrides: dict[str, dict[str, Any]] | None = None) -> Settings:
     """Read configuration files, later ones winning key by key.
 

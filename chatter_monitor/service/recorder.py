@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
-import msgspec
-
-from chatter_monitor.config import Settings
+from chatter_monitor.config import Settings, decisive_tables
 from chatter_monitor.outlets.event_files import Origin
 from chatter_monitor.outlets.event_store import EventWriter
 from chatter_monitor.outlets.flight_recorder import FlightRecorder
-
-# Tables that the verdicts on given samples depend on.
-RELEVANT = ("machine", "input", "spindle", "tracker", "verdict")
 
 
 def open_recorder(
@@ -42,7 +36,7 @@ def open_recorder(
     patient : bool
         Whether to wait for the disk rather than lose a recording.
     """
-    tables: dict[str, dict[str, Any]] = {table: msgspec.to_builtins(getattr(settings, table)) for table in RELEVANT}
+    tables = decisive_tables(settings)
     tables["input"]["channels"] = None  # a recording has the channels that were selected, and no others
     origin = Origin(
         settings=tables,

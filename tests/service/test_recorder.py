@@ -100,6 +100,7 @@ def test_settings_of_a_recording_are_those_of_the_monitor(tmp_path):
     config.write_text(
         '[machine]\nname = "lathe-3"\n[input]\nchannels = [2, 0]\nfull_scale_per_unit = 0.5\n'
         "[spindle]\nspeed_rpm = 1700\n[verdict]\nalarm_probability = 0.7\n[tracker]\nmemory_ms = 70\n"
+        "[orders]\nlost_s = 2.5\n"
     )
     settings = load([config])
     store = EventWriter(tmp_path / "events", 1e9)
@@ -110,7 +111,7 @@ def test_settings_of_a_recording_are_those_of_the_monitor(tmp_path):
     assert [read(entry.json).channel for entry in entries] == [0, 1]
     for entry in entries:
         again = load([entry.json])
-        for table in ("machine", "spindle", "verdict", "tracker"):
+        for table in ("machine", "spindle", "tracker", "orders", "verdict"):
             assert getattr(again, table) == getattr(settings, table)
         assert again.input == msgspec.structs.replace(settings.input, channels=None)
         assert read(entry.json).source_rate_hz == 48_000.0

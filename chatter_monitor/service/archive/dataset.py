@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pyarrow.dataset as ds
@@ -31,7 +32,7 @@ class Claim(msgspec.Struct, frozen=True):
 
     schema: str
     version: str
-    settings: dict[str, object]
+    settings: dict[str, dict[str, Any]]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import msgspec
 
 from chatter_monitor.acquisition.recording import Recording
 from chatter_monitor.acquisition.resample import Resampled
-from chatter_monitor.config import Settings, load, settings_of
+from chatter_monitor.config import Settings, decisive_tables, load, settings_of
 from chatter_monitor.errors import ChatterMonitorError, EnvironmentFault
 from chatter_monitor.outlets.event_files import recorded_event
 from chatter_monitor.outlets.message_tables import TABLES, MessageTables
@@ -22,9 +22,6 @@ from chatter_monitor.service.archive.dataset import SCHEMA, Claim, DataSet
 from chatter_monitor.service.archive.recordings import Remote
 from chatter_monitor.service.monitor import Monitor
 from chatter_monitor.service.replay import FAST_BLOCK_SAMPLES
-
-# Tables that say where results go, not what they are.
-_ELSEWHERE = ("publish", "control", "metrics", "recorder")
 
 
 @dataclass(frozen=True)
@@ -60,7 +57,7 @@ class Outcome:
 
 def claim(tables: dict[str, dict[str, Any]]) -> Claim:
     """What the results of a configuration depend on, but for the recordings."""
-    return Claim(SCHEMA, version("chatter-monitor"), _relevant(settings_of(tables)))
+    return Claim(SCHEMA, version("chatter-monitor"), decisive_tables(settings_of(tables)))
 
 
 def work(job: Job) -> Outcome:
@@ -137,14 +134,11 @@ def _replay(recording: Recording, file: Path, settings: Settings, key: str, job:
     )
 
 
-def _relevant(settings: Settings) -> dict[str, object]:
-    tables: dict[str, object] = msgspec.to_builtins(settings)
-    return {name: table for name, table in tables.items() if name not in _ELSEWHERE}
-
-
 def _key(file: Path, settings: Settings) -> str:
     """Key of a recording's content, the settings and the program: 128 bits of SHA-256."""
     with file.open("rb") as opened:
         content = hashlib.file_digest(opened, "sha256").hexdigest()
-    whole = msgspec.json.encode([SCHEMA, version("chatter-monitor"), content, _relevant(settings)], order="sorted")
+    whole = msgspec.json.encode(
+        [SCHEMA, version("chatter-monitor"), content, decisive_tables(settings)], order="sorted"
+    )
     return hashlib.sha256(whole).hexdigest()[:32]
