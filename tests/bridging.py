@@ -11,36 +11,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import msgspec
-
 from chatter_monitor.outlets.publisher import Clock, Publisher, PublishSettings
-from chatter_monitor.records import Event, Health, State, Verdict
+from chatter_monitor.records import State, Verdict
+from tests import messages
+from tests.messages import INTERVAL, RATE_HZ
 
-RATE_HZ = 12_800
-INTERVAL = 640
 PATIENCE_S = 200.0
-HEALTH = Health(
-    t=0.0,
-    state="hearing",
-    samples_in=0,
-    lost=0,
-    overflows=0,
-    clipped=0,
-    non_finite=0,
-    publications_dropped=0,
-    ring_fill=0.0,
-    latency_ms_p50=None,
-    latency_ms_p99=None,
-)
-EVENT = Event(
-    id="cut-0-0001",
-    channel=0,
-    kind="chatter",
-    onset_s=1.0,
-    end_s=2.0,
-    peak_frequency_hz=900.0,
-    min_damping_ratio=-0.001,
-)
 
 
 def wait_until(condition: Callable[[], bool], what: str = "it") -> None:
@@ -53,13 +29,9 @@ def wait_until(condition: Callable[[], bool], what: str = "it") -> None:
 
 def verdict(number: int, state: State = "stable") -> Verdict:
     """Verdict on the interval of that number."""
-    return Verdict(
-        channel=0,
-        t0=number * INTERVAL / RATE_HZ,
-        t1=(number + 1) * INTERVAL / RATE_HZ,
-        sample0=number * INTERVAL,
-        sample1=(number + 1) * INTERVAL,
-        state=state,
+    return messages.verdict(
+        number,
+        state,
         frequency_hz=None if state in ("idle", "unknown") else 900.0,
         damping_ratio=None if state in ("idle", "unknown") else 0.02,
         confidence=0.9,
@@ -86,13 +58,13 @@ class Feed:
         self.intervals += 1
         if self.intervals % (RATE_HZ // INTERVAL) == 0:
             self.seconds += 1
-            self._publisher.message(msgspec.structs.replace(HEALTH, t=float(self.seconds)))
+            self._publisher.message(messages.health(t=float(self.seconds)))
 
     def event(self) -> None:
-        self._publisher.message(EVENT)
+        self._publisher.message(messages.event())
 
     def finish(self) -> None:
-        self._publisher.message(msgspec.structs.replace(HEALTH, t=float(self.seconds), state="finished"))
+        self._publisher.message(messages.health(t=float(self.seconds), state="finished"))
 
     def __enter__(self) -> Self:
         return self

@@ -17,15 +17,13 @@ from chatter_monitor.client import Subscriber
 from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.outlets.publisher import Clock, Publisher, PublishSettings
 from chatter_monitor.outlets.wire import PAYLOAD_DTYPES, OdpHeader
-from chatter_monitor.records import Flag, Health, Mode, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Flag, Mode, Odp, OdpFrame
+from tests.messages import health
+from tests.messages import verdict as make_verdict
 
 WAIT_S = 200.0
 FS = 12_800.0
 CLOCK = Clock(FS, datetime(2026, 3, 1, 8, 30, tzinfo=UTC))
-
-
-def make_verdict(channel: int = 0) -> Verdict:
-    return Verdict(channel=channel, t0=0.0, t1=0.05, sample0=0, sample1=640, state="stable")
 
 
 def make_frame(n: int = 640) -> tuple[OdpFrame, Odp]:
@@ -125,27 +123,14 @@ def test_an_empty_frame_arrives():
 
 def test_only_the_topics_asked_for_arrive():
     """A topic stands for itself and for what follows it after a dot: channel 1 is not channel 10."""
-    published = [make_verdict(channel) for channel in (0, 1, 10, 1)]
-    health = Health(
-        t=1.0,
-        state="hearing",
-        samples_in=0,
-        lost=0,
-        overflows=0,
-        clipped=0,
-        non_finite=0,
-        publications_dropped=0,
-        ring_fill=0.0,
-        latency_ms_p50=None,
-        latency_ms_p99=None,
-    )
+    published = [make_verdict(channel=channel) for channel in (0, 1, 10, 1)]
 
     def receive(topics: tuple[str, ...]) -> list[str]:
         with publisher_at("tcp://127.0.0.1:0") as publisher, Subscriber(publisher.endpoint, topics) as subscriber:
             assert publisher.wait_for_subscriber(WAIT_S)
             for verdict in published:
                 publisher.message(verdict)
-            publisher.message(health)
+            publisher.message(health())
             publisher.close()
             received = []
             for message in subscriber:
@@ -164,7 +149,7 @@ def test_losses_are_counted_per_topic(sender, subscriber):
     """A gap in seq is a loss of that topic; what was sent before the first message received is none."""
     for seq in (5, 6, 9, 10):
         sender.verdict(seq=seq)
-    sender.send("verdict.1", header(0), msgspec.json.encode(make_verdict(1)))
+    sender.send("verdict.1", header(0), msgspec.json.encode(make_verdict(channel=1)))
     for _ in range(5):
         assert subscriber.receive(WAIT_S) is not None
     assert subscriber.lost == {"verdict.0": 2, "verdict.1": 0}

@@ -11,6 +11,7 @@ import pytest
 from chatter_monitor.outlets.publisher import Clock, Publisher, PublishSettings
 from chatter_monitor.records import Advice, Block, Event, Flag, Health, Mode, ModeStatus, Odp, OdpFrame, Verdict
 from chatter_monitor.tracking.orders import OrderLine, Orders
+from tests.messages import event, health, verdict
 
 FS = 12_800.0
 START = datetime(2026, 3, 1, 8, 30, tzinfo=UTC)
@@ -94,7 +95,7 @@ def messages() -> list[Verdict | Event | Health]:
             reasons=["damping is negative"],
             flags=["clipped"],
         ),
-        Verdict(channel=1, t0=1.2, t1=1.25, sample0=15360, sample1=16000, state="unknown"),
+        verdict(24, "unknown", channel=1),
         Event(
             id="a1",
             channel=0,
@@ -106,15 +107,7 @@ def messages() -> list[Verdict | Event | Health]:
             advice=[Advice(spindle_rpm=1797.2, lobe=5)],
             recording="a1.flac",
         ),
-        Event(
-            id="a2",
-            channel=0,
-            kind="chatter",
-            onset_s=4.0,
-            end_s=5.0,
-            peak_frequency_hz=898.6,
-            min_damping_ratio=-0.004,
-        ),
+        event(id="a2"),
         Health(
             t=2.0,
             state="hearing",
@@ -129,19 +122,7 @@ def messages() -> list[Verdict | Event | Health]:
             latency_ms_p99=12.5,
             reasons=["samples were lost"],
         ),
-        Health(
-            t=3.0,
-            state="finished",
-            samples_in=38400,
-            lost=0,
-            overflows=0,
-            clipped=0,
-            non_finite=0,
-            publications_dropped=0,
-            ring_fill=0.0,
-            latency_ms_p50=None,
-            latency_ms_p99=None,
-        ),
+        health(t=3.0, state="finished", samples_in=38400),
     ]
 
 

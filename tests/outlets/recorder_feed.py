@@ -14,6 +14,7 @@ from chatter_monitor.outlets.publisher import Clock
 from chatter_monitor.records import Block, Event, Odp, OdpFrame, State, Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict.event_log import EventLog
+from tests import messages
 
 RATE_HZ = 12_800.0
 INTERVAL = 640
@@ -43,17 +44,7 @@ def frame(interval: int, channel: int = 0) -> OdpFrame:
 
 
 def verdict(interval: int, state: State, channel: int = 0) -> Verdict:
-    first, end = interval * INTERVAL, (interval + 1) * INTERVAL
-    return Verdict(
-        channel=channel,
-        t0=first / RATE_HZ,
-        t1=end / RATE_HZ,
-        sample0=first,
-        sample1=end,
-        state=state,
-        frequency_hz=900.0,
-        damping_ratio=0.001,
-    )
+    return messages.verdict(interval, state, channel, frequency_hz=900.0, damping_ratio=0.001)
 
 
 Change = Callable[[Block], Block]

@@ -13,7 +13,8 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from chatter_monitor.outlets.metrics import Metrics
 from chatter_monitor.records import Block
-from tests.bridging import EVENT, HEALTH, verdict
+from tests.bridging import verdict
+from tests.messages import event, health
 from tests.outlets.test_metrics import fetch
 
 FILE = Path(__file__).resolve().parents[2] / "config/grafana-dashboard.json"
@@ -36,9 +37,9 @@ def queries():
 def exported():
     """Label values of every metric that the endpoint tells, by label."""
     with Metrics("127.0.0.1:0", machine="lathe-3", clock=lambda: 0.0) as metrics:
-        for message in (msgspec.structs.replace(verdict(0), margin_percent=5.0), HEALTH, EVENT):
+        for message in (msgspec.structs.replace(verdict(0), margin_percent=5.0), health(), event()):
             metrics.message(message)
-        metrics.message(msgspec.structs.replace(HEALTH, latency_ms_p50=1.0, latency_ms_p99=2.0))
+        metrics.message(health(latency_ms_p50=1.0, latency_ms_p99=2.0))
         metrics.block(Block(0, np.zeros((1, 1)), 12_800.0))
         text = fetch(metrics.url)
     found = {}

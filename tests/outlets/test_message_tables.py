@@ -12,17 +12,14 @@ import pytest
 from chatter_monitor.errors import EnvironmentFault
 from chatter_monitor.outlets.message_tables import ROWS_PER_GROUP, TABLES, MessageTable, MessageTables
 from chatter_monitor.outlets.wire import encode
-from chatter_monitor.records import Advice, Event, Health, Mode, Odp, Verdict
+from chatter_monitor.records import Advice, Event, Mode, Odp
 from tests.full_disk import file_size_limit
+from tests.messages import event, health, verdict
 
-VERDICT = Verdict(channel=1, t0=0.0, t1=0.05, sample0=0, sample1=640, state="unknown", reasons=["it begins"])
-FULL = Verdict(
-    channel=0,
-    t0=0.05,
-    t1=0.1,
-    sample0=640,
-    sample1=1280,
-    state="self_excited",
+VERDICT = verdict(0, "unknown", channel=1, reasons=["it begins"])
+FULL = verdict(
+    1,
+    "self_excited",
     frequency_hz=np.float64(900.0),
     damping_ratio=math.nan,
     damping_ratio_ci95=(-0.01, 0.01),
@@ -32,29 +29,7 @@ FULL = Verdict(
     flags=["clipped"],
 )
 ODP = Odp(channel=0, t=0.05, modes=[Mode(900.0, 0.01, (0.0, 0.02), 0.7), Mode(None, None, None, 0.3)])
-EVENT = Event(
-    id="cut-1",
-    channel=0,
-    kind="chatter",
-    onset_s=0.5,
-    end_s=1.0,
-    peak_frequency_hz=900.0,
-    min_damping_ratio=-0.002,
-    advice=[Advice(1500.0, 3)],
-)
-HEALTH = Health(
-    t=1.0,
-    state="finished",
-    samples_in=1,
-    lost=0,
-    overflows=0,
-    clipped=0,
-    non_finite=0,
-    publications_dropped=0,
-    ring_fill=0.0,
-    latency_ms_p50=None,
-    latency_ms_p99=None,
-)
+EVENT = event(advice=[Advice(1500.0, 3)])
 
 
 @pytest.fixture
@@ -66,7 +41,7 @@ def test_rows_are_the_json_lines(paths):
     """A row reads as the JSON line of its message, but for the type, which the table is called after."""
     with MessageTables(paths) as tables:
         tables.frame(None, ODP)
-        for message in (VERDICT, FULL, EVENT, HEALTH):
+        for message in (VERDICT, FULL, EVENT, health()):
             tables.message(message)
     for table, messages in {"verdict": [VERDICT, FULL], "odp": [ODP], "event": [EVENT]}.items():
         expected = [json.loads(encode(message)) for message in messages]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import msgspec
 import pytest
 
 from chatter_monitor.outlets.thinning import Thinning
-from tests.bridging import EVENT, HEALTH, verdict
+from tests.messages import event, health, verdict
 
 
 def numbers(thinning, states):
@@ -27,10 +26,9 @@ def test_everything_if_asked_for():
 def test_each_topic_by_itself():
     """One channel's verdict does not hold back another's, nor health; events always go on."""
     thinning = Thinning(60.0)
-    first = verdict(0)
-    other = msgspec.structs.replace(first, channel=1)
-    assert [thinning.passed(m) for m in (first, other, HEALTH, EVENT, EVENT)] == [first, other, HEALTH, EVENT, EVENT]
-    assert [thinning.passed(m) for m in (first, other, HEALTH)] == [None, None, None]
+    held = [verdict(0), verdict(0, channel=1), health()]
+    assert [thinning.passed(message) for message in (*held, event(), event())] == [*held, event(), event()]
+    assert [thinning.passed(message) for message in held] == [None, None, None]
 
 
 @pytest.mark.parametrize("later", [0, 3])

@@ -11,29 +11,10 @@ import pytest
 from rich.console import Console
 
 from chatter_monitor.outlets.timeline import LOOK, SEVERITY, STRIP_CELLS, Timeline
-from chatter_monitor.records import Event, Health, Verdict
+from tests.messages import event, health, verdict
 
 INTERVAL_S = 0.05
 STATE = {letter: state for state, (_, _, letter) in LOOK.items()}
-
-
-def health(t, **counts):
-    about = dict.fromkeys(
-        ("samples_in", "lost", "overflows", "clipped", "non_finite", "publications_dropped", "ring_fill"), 0
-    )
-    return Health(t=t, state="finished", latency_ms_p50=None, latency_ms_p99=None, **(about | counts))
-
-
-def verdict(i, state, channel=0, **about):
-    return Verdict(
-        channel=channel,
-        t0=i * INTERVAL_S,
-        t1=(i + 1) * INTERVAL_S,
-        sample0=i * 640,
-        sample1=(i + 1) * 640,
-        state=state,
-        **about,
-    )
 
 
 def fill(timeline, strip, channel=0):
@@ -142,12 +123,9 @@ def test_summary_adds_up_what_was_heard():
     timeline = Timeline(2)
     fill(timeline, "-" * 10 + "!" + "-" * 9)
     fill(timeline, "?" * 20, channel=1)
-    event = Event(
-        id="a", channel=0, kind="chatter", onset_s=0.5, end_s=0.55, peak_frequency_hz=1067.0, min_damping_ratio=-0.001
-    )
-    timeline.message(event)
-    timeline.message(health(0.5))
-    timeline.message(health(1.0, lost=3, clipped=4, non_finite=5))
+    timeline.message(event(id="a"))
+    timeline.message(health(t=0.5))
+    timeline.message(health(t=1.0, lost=3, clipped=4, non_finite=5))
     summary = msgspec.to_builtins(timeline.summary(Path("cut.flac"), 6))
     assert summary["seconds_in"] == [{"stable": 0.95, "approaching": 0.05}, {"unknown": 1.0}]
     assert (summary["recording"], summary["duration_s"], summary["channels"]) == ("cut.flac", 1.0, 2)
@@ -162,8 +140,8 @@ def test_what_a_machinist_reads():
     for channel in (0, 1):
         fill(timeline, "-" * 20, channel)
     about = {"onset_s": 0.5, "end_s": 0.9, "peak_frequency_hz": 1067.4, "min_damping_ratio": -0.0012}
-    timeline.message(Event(id="a", channel=1, kind="chatter", **about))
-    timeline.message(health(1.0, lost=3, clipped=4, non_finite=5))
+    timeline.message(event(channel=1, **about))
+    timeline.message(health(t=1.0, lost=3, clipped=4, non_finite=5))
     lines = shown(timeline, missing=6)
     first, second = lines.index("cut.flac, channel 0"), lines.index("cut.flac, channel 1")
     sentence = "  Chatter from 0.50 s to 0.90 s at 1067 Hz; least damping -0.12 %."

@@ -8,7 +8,6 @@ import threading
 import time
 from datetime import UTC, datetime
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -17,7 +16,7 @@ from chatter_monitor.outlets.control import Control
 from chatter_monitor.outlets.publisher import Clock, Publisher
 from chatter_monitor.service import doctor
 from tests.fake_card import FakeDevices, PlayingDevices
-from tests.service.test_journal import HEALTH
+from tests.messages import health
 from tests.signals import RATE_HZ
 
 RNG = np.random.default_rng(1)
@@ -113,7 +112,7 @@ class Told(threading.Thread):
         clock = Clock(RATE_HZ, datetime.now(UTC))
         with Publisher(self._settings.publish, clock=clock, machine="m") as publisher:
             while not self.ended.wait(0.05):
-                publisher.message(msgspec.structs.replace(HEALTH, state=self._state, reasons=["the reason"]))
+                publisher.message(health(state=self._state, reasons=["the reason"]))
 
 
 @pytest.mark.parametrize(("state", "code"), [("hearing", 0), ("not_hearing", 3)])
@@ -151,7 +150,7 @@ def test_the_health_check_of_an_encrypted_monitor(tmp_path, run):
     path.write_text(f'[publish]\n{keys}[control]\nbind = "ipc://{tmp_path}/control"\n')
     settings = load([path])
     with Control(settings.control.bind, machine="m", spindle=settings.spindle) as control:
-        control.message(HEALTH)
+        control.message(health())
         assert doctor.running(settings).state == "wrong"
         ended = threading.Event()
 
@@ -159,7 +158,7 @@ def test_the_health_check_of_an_encrypted_monitor(tmp_path, run):
             t = 1.0
             while not ended.wait(0.05):
                 t += 1.0
-                control.message(msgspec.structs.replace(HEALTH, t=t))
+                control.message(health(t=t))
 
         worker = threading.Thread(target=work)
         worker.start()

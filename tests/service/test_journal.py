@@ -5,18 +5,12 @@ from __future__ import annotations
 import logging
 import os
 
-import msgspec
 import pytest
 
-from chatter_monitor.records import Event, Health, Verdict
 from chatter_monitor.service.journal import Story, journal
+from tests.messages import event, health, verdict
 
 LOG = logging.getLogger("chatter_monitor.test")
-HEALTH = Health(
-    t=1.0, state="hearing", samples_in=0, lost=0, overflows=0, clipped=0, non_finite=0, publications_dropped=0,
-    ring_fill=0.0, latency_ms_p50=None, latency_ms_p99=None,
-)  # fmt: skip
-VERDICT = Verdict(channel=0, t0=0.0, t1=0.05, sample0=0, sample1=640, state="stable")
 
 
 def written(environment_of):
@@ -71,16 +65,16 @@ def test_a_problem_is_told_once(caplog):
     """A reason whose numbers grow is told when it comes and when it is over, and so is another one."""
 
     def deaf(*reasons):
-        return msgspec.structs.replace(HEALTH, state="not_hearing", reasons=list(reasons))
+        return health(state="not_hearing", reasons=list(reasons))
 
     assert told(
         caplog,
-        HEALTH,
+        health(),
         deaf("nothing heard for 0.6 s: frozen"),
         deaf("nothing heard for 1.6 s: frozen", "10 samples lost"),
         deaf("nothing heard for 2.6 s: gone", "20 samples lost"),
-        msgspec.structs.replace(HEALTH, reasons=["30 samples lost", "mark at 3.00 s: tool 5"]),
-        HEALTH,
+        health(reasons=["30 samples lost", "mark at 3.00 s: tool 5"]),
+        health(),
     ) == [
         "nothing heard for 0.6 s: frozen",
         "nothing heard for 2.6 s: gone",
@@ -93,18 +87,10 @@ def test_a_problem_is_told_once(caplog):
 
 def test_chatter_is_told_when_it_begins_and_ends(caplog):
     """An alarm is told once, with its reasons, a moment of deafness in it or not; its end with what it came to."""
-    alarm = msgspec.structs.replace(VERDICT, state="self_excited", reasons=["damping 0.11 % at 898 Hz"])
-    deaf = msgspec.structs.replace(VERDICT, state="unknown")
-    event = Event(
-        id="a-0-0001",
-        channel=0,
-        kind="chatter",
-        onset_s=1.0,
-        end_s=2.5,
-        peak_frequency_hz=898.0,
-        min_damping_ratio=1e-3,
-    )
-    assert told(caplog, VERDICT, alarm, alarm, deaf, alarm, event, VERDICT, alarm) == [
+    stable, deaf = verdict(), verdict(state="unknown")
+    alarm = verdict(state="self_excited", reasons=["damping 0.11 % at 898 Hz"])
+    over = event(id="a-0-0001", end_s=2.5, peak_frequency_hz=898.0, min_damping_ratio=1e-3)
+    assert told(caplog, stable, alarm, alarm, deaf, alarm, over, stable, alarm) == [
         "channel 0: CHATTER: damping 0.11 % at 898 Hz",
         "channel 0: chatter is over after 1.50 s, event a-0-0001: 898 Hz, least damping 0.10 %",
         "channel 0: CHATTER: damping 0.11 % at 898 Hz",

@@ -10,16 +10,15 @@ import re
 import subprocess
 import sys
 
-import msgspec
 import pytest
 import soundfile
 from rich.console import Console
 
 from chatter_monitor.service.status import REFRESH_S, Status, StatusLine
+from tests.messages import health, verdict
 from tests.replaying import REPLAY_DATA
-from tests.service.test_journal import HEALTH, VERDICT
 
-LINE = msgspec.structs.replace(VERDICT, state="self_excited", frequency_hz=898.4, damping_ratio=0.0011)
+LINE = verdict(state="self_excited", frequency_hz=898.4, damping_ratio=0.0011)
 
 
 def status(*messages):
@@ -32,29 +31,29 @@ def status(*messages):
 def test_the_sentence():
     """It says whether the monitor hears and what, or why it does not; the newest message of each channel counts."""
     assert status().sentence() == "Waiting for 'mic' at 48 kHz."
-    assert status(HEALTH).sentence() == "Hearing 'mic' at 48 kHz."
-    other = msgspec.structs.replace(VERDICT, channel=1)
-    assert status(other, VERDICT, HEALTH, LINE).sentence() == (
+    assert status(health()).sentence() == "Hearing 'mic' at 48 kHz."
+    other = verdict(channel=1)
+    assert status(other, verdict(), health(), LINE).sentence() == (
         "Hearing 'mic' at 48 kHz. channel 0: CHATTER, 898 Hz, damping 0.11 %; channel 1: stable."
     )
-    wrong = msgspec.structs.replace(HEALTH, reasons=["12 samples lost"])
-    assert status(VERDICT, wrong).sentence().endswith("channel 0: stable. Beware: 12 samples lost.")
-    deaf = msgspec.structs.replace(HEALTH, state="not_hearing", reasons=["nothing heard for 2.0 s: gone"])
-    assert status(VERDICT, deaf).sentence() == "NOT HEARING: nothing heard for 2.0 s: gone."
+    wrong = health(reasons=["12 samples lost"])
+    assert status(verdict(), wrong).sentence().endswith("channel 0: stable. Beware: 12 samples lost.")
+    deaf = health(state="not_hearing", reasons=["nothing heard for 2.0 s: gone"])
+    assert status(verdict(), deaf).sentence() == "NOT HEARING: nothing heard for 2.0 s: gone."
 
 
 def test_the_colour_is_that_of_the_worst_news():
     """An alarm on one of the channels colours the line, and deafness does."""
-    assert status(msgspec.structs.replace(VERDICT, channel=1), LINE, HEALTH).line().style == "bold red"
-    assert status(VERDICT, HEALTH).line().style == "green"
-    assert status(VERDICT, msgspec.structs.replace(HEALTH, state="not_hearing")).line().style == "magenta"
+    assert status(verdict(channel=1), LINE, health()).line().style == "bold red"
+    assert status(verdict(), health()).line().style == "green"
+    assert status(verdict(), health(state="not_hearing")).line().style == "magenta"
 
 
 def shown(*, terminal):
     now = {"s": 0.0}
     out = io.StringIO()
     console = Console(file=out, force_terminal=terminal, width=100)
-    one = status(VERDICT, HEALTH)
+    one = status(verdict(), health())
     with StatusLine(one, console, clock=lambda: now["s"]) as line:
         line.refresh()
         one.message(LINE)
