@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -25,33 +24,17 @@ from chatter_monitor.outlets.wire import (
     SIGNAL_DTYPES,
     Header,
     OdpHeader,
+    Received,
     SignalHeader,
     schema_name,
     topic_of,
 )
 from chatter_monitor.records import Event, Flag, Health, OdpFrame, SignalFrame, Verdict
 
+__all__ = ["Received", "Subscriber"]
+
 BODIES: dict[str, type[Verdict | Event | Health]] = {"verdict": Verdict, "event": Event, "health": Health}
 KINDS = ("odp", "signal", *BODIES)
-
-
-@dataclass(frozen=True, slots=True)
-class Received:
-    """One message.
-
-    Attributes
-    ----------
-    topic : str
-        Such as ``odp.0`` or ``health``.
-    header : Header
-        An `OdpHeader` on ``odp.<channel>``, with the interval's summary in ``odp``.
-    body : OdpFrame, SignalFrame, Verdict, Event or Health
-        The arrays of a frame are read-only views of the received buffers.
-    """
-
-    topic: str
-    header: Header
-    body: OdpFrame | SignalFrame | Verdict | Event | Health
 
 
 class Subscriber:

@@ -6,6 +6,7 @@ other languages; a test holds the two together. JSON bodies are encoded here for
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import msgspec
@@ -92,6 +93,25 @@ class SignalHeader(Header, frozen=True, kw_only=True):
     rotation_hz: float | None
     orders_hz: tuple[float, ...]
     payloads: list[Payload]
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """One message off a monitor's socket.
+
+    Attributes
+    ----------
+    topic : str
+        Such as ``odp.0`` or ``health``.
+    header : Header
+        An `OdpHeader` on ``odp.<channel>``, with the interval's summary in ``odp``.
+    body : OdpFrame, SignalFrame, Verdict, Event or Health
+        The arrays of a frame are read-only views of the received buffers.
+    """
+
+    topic: str
+    header: Header
+    body: OdpFrame | SignalFrame | Verdict | Event | Health
 
 
 def topic_of(result: OdpFrame | SignalFrame | Verdict | Event | Health) -> str:

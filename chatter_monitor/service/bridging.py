@@ -11,8 +11,8 @@ from chatter_monitor.errors import InputError
 from chatter_monitor.outlets.mqtt import Broker, MqttLink
 from chatter_monitor.outlets.shdr import ShdrAdapter
 from chatter_monitor.outlets.thinning import Thinning
-from chatter_monitor.outlets.wire import Header
-from chatter_monitor.records import Event, Health, OdpFrame, SignalFrame, Verdict
+from chatter_monitor.outlets.wire import Received
+from chatter_monitor.records import Health
 from chatter_monitor.service.told import until_told
 
 # What a bridge subscribes to.
@@ -21,16 +21,6 @@ PATIENCE_S = 0.1  # also the longest that an agent waits for its answer
 SILENT_S = 5.0  # health comes every second
 
 Say = Callable[[str], None]
-
-
-class Received(Protocol):
-    """A message off the monitor's socket."""
-
-    @property
-    def header(self) -> Header: ...  # noqa: D102
-
-    @property
-    def body(self) -> OdpFrame | SignalFrame | Verdict | Event | Health: ...  # noqa: D102
 
 
 class Monitor(Protocol):

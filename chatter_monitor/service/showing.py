@@ -7,7 +7,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
-from typing import Protocol
 
 from chatter_monitor.acquisition.recording import Recording
 from chatter_monitor.config import Settings
@@ -16,7 +15,7 @@ from chatter_monitor.outlets.dashboard.drawing import Drawing
 from chatter_monitor.outlets.dashboard.place import Place, Shown, open_place
 from chatter_monitor.outlets.dashboard.screen import Screen
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.outlets.wire import Header
+from chatter_monitor.outlets.wire import Received
 from chatter_monitor.records import Event, Health, Odp, OdpFrame, SignalFrame, Verdict
 from chatter_monitor.service.replay import Replay
 from chatter_monitor.service.told import until_told
@@ -27,16 +26,6 @@ SHORTEST_SPAN_S, LONGEST_SPAN_S = 5.0, 60.0
 PATIENCE_S = 0.2
 
 Say = Callable[[str], None]
-
-
-class Received(Protocol):
-    """A message off the monitor's socket."""
-
-    @property
-    def header(self) -> Header: ...  # noqa: D102
-
-    @property
-    def body(self) -> OdpFrame | SignalFrame | Verdict | Event | Health: ...  # noqa: D102
 
 
 def show_live(receive: Callable[[float], Received | None], place: Place, endpoint: str, say: Say) -> None:
