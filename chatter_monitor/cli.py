@@ -273,7 +273,7 @@ def identify(
 
 
 @cli.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="RECORDING...")
 @click.option("--model", type=click.Path(path_type=Path), required=True, help="Model file that is to explain it.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Directory for report and model.")
 @click.option("--channel", type=click.IntRange(min=0), default=0, show_default=True, help="Counted from 0.")
@@ -293,7 +293,7 @@ def identify(
 @JSON
 @DEBUG
 def diagnose(
-    file: Path,
+    files: tuple[Path, ...],
     model: Path,
     out: Path,
     channel: int,
@@ -304,23 +304,30 @@ def diagnose(
 ) -> None:
     """Find out where a recording differs from a simulation, and which physics the simulation lacks.
 
-    Writes report.json, report.html and model.toml, the augmented model, which `simulate` runs.
+    Writes report.json, report.html and model.toml, the augmented model, which `simulate` runs. Several recordings share
+    one machine; a [[cut]] in the model file says at which speed each was recorded.
     """
-    from chatter_monitor.service.diagnosing import diagnose_file, lines
+    from chatter_monitor.errors import InputError
+    from chatter_monitor.service.diagnosing import diagnose_file, diagnose_files, lines
 
     def progress(step: str) -> None:
         click.echo(f"{step} ...", err=True)
 
-    report, written = diagnose_file(
-        file,
-        model,
-        out,
-        channel=channel,
-        between_s=between_s,
-        driven_by=driven_by,
-        input_channel=input_channel,
-        progress=progress,
-    )
+    if len(files) > 1:
+        if driven_by is not None:
+            raise InputError("--input goes with one recording only", got=f"{len(files)} recordings")
+        report, written = diagnose_files(files, model, out, channel=channel, between_s=between_s, progress=progress)
+    else:
+        report, written = diagnose_file(
+            files[0],
+            model,
+            out,
+            channel=channel,
+            between_s=between_s,
+            driven_by=driven_by,
+            input_channel=input_channel,
+            progress=progress,
+        )
     if as_json:
         click.echo(report.to_json())
         return

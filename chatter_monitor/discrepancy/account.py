@@ -69,6 +69,18 @@ def held_out_fit(case: Case) -> Fit:
     )
 
 
+def one_cut(case: Case) -> list[str]:
+    """What one recording cannot say about a damping ratio above that of the model."""
+    given, fitted = case.system.modes[0].damping_ratio, case.base.fitted
+    ratio, sd = fitted.linear.modes[0].damping_ratio, float(fitted.sd[1])
+    if ratio * math.exp(-3.0 * sd) <= given:
+        return []
+    return [
+        f"The damping ratio is {100 * ratio:.3g} %, the model has {100 * given:.3g} %. Whether the structure or the "
+        "cut (process damping) damps, one recording cannot tell; recordings at several cutting speeds can."
+    ]
+
+
 def calibration(case: Case) -> Calibration:
     """Modes as given and as fitted."""
     before: dict[str, float] = {}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from chatter_monitor.discrepancy.account import alternatives, calibration, held_out_fit, information
+from chatter_monitor.discrepancy.account import alternatives, calibration, held_out_fit, information, one_cut
 from chatter_monitor.discrepancy.augment import Augmented, augment, calibrated
 from chatter_monitor.discrepancy.case import SURE, Case
 from chatter_monitor.discrepancy.diagnosis import examine_rest
@@ -146,6 +146,8 @@ def conclude(case: Case) -> Diagnosis:
         verdict = "parameters" if retuned else "none"
     if verdict == "unknown" and findings:
         warnings.append(f"Named, but not all that is there: {', '.join(f.name for f in findings)}.")
+    if verdict == "parameters":
+        warnings += one_cut(case)
     where = whereabouts(case, findings, strange)
     report = Report(
         verdict,

@@ -167,6 +167,35 @@ class Calibration(msgspec.Struct, frozen=True):
     after: dict[str, Estimate]
 
 
+class Compared(msgspec.Struct, frozen=True):
+    """One of several recordings beside what they share.
+
+    Attributes
+    ----------
+    recording : str
+        Name of the file.
+    speed_rpm, cutting_speed_m_s : float, optional
+        Of the cut, as the model file has them.
+    verdict : str
+        Of this recording alone.
+    frequency_hz, damping_ratio : Estimate
+        Of the first mode, from this recording alone.
+    shared_damping_ratio : float
+        What the shared parameters make of the damping ratio in this cut.
+    report : str
+        Its own report, from the directory of the common one.
+    """
+
+    recording: str
+    speed_rpm: float | None
+    cutting_speed_m_s: float | None
+    verdict: Verdict
+    frequency_hz: Estimate
+    damping_ratio: Estimate
+    shared_damping_ratio: float
+    report: str
+
+
 class Report(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     """The whole answer."""
 
@@ -181,6 +210,7 @@ class Report(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     warnings: list[str] = []
     elapsed_s: float = 0.0
     force_balance: ForceBalance | None = None
+    recordings: list[Compared] = []
 
     def to_json(self) -> bytes:
         """Text of ``report.json``."""

@@ -58,13 +58,17 @@ def page(diagnosis: Diagnosis, name: str) -> tuple[str, Report]:
     return document(report, name, pictures), report
 
 
-def document(report: Report, name: str, pictures: Sequence[tuple[str, str]]) -> str:
-    """A page with everything inside: summary, findings, pictures (title, PNG in base64), tables."""
+def document(report: Report, name: str, pictures: Sequence[tuple[str, str]], compared: str = "") -> str:
+    """A page with everything inside: summary, findings, pictures (title, PNG in base64), tables.
+
+    `compared` is HTML that stands behind the findings.
+    """
     parts = [
         f"<h1>{html.escape(name)}</h1>",
         f'<p class="verdict"><b>{report.verdict.replace("_", " ")}</b>. {html.escape(report.summary)}</p>',
         *(f"<p><small>{html.escape(warning)}</small></p>" for warning in report.warnings),
         _terms(report),
+        compared,
         *(f'<h2>{title}</h2><img alt="{title}" src="data:image/png;base64,{data}">' for title, data in pictures),
         _tables(report),
     ]
@@ -180,12 +184,10 @@ def _tables(report: Report) -> str:
             ),
         ]
         parts += ["<h2>Free-running</h2>", _table(("", "recording", "base", "augmented"), runs)]
-    parts += [
-        "<h2>Maps</h2>",
-        _table(("map", "statistic", "p"), maps),
-        "<h2>Other explanations</h2>",
-        _table(("name", "nats"), others),
-    ]
+    if maps:
+        parts += ["<h2>Maps</h2>", _table(("map", "statistic", "p"), maps)]
+    if others:
+        parts += ["<h2>Other explanations</h2>", _table(("name", "nats"), others)]
     if could:
         parts += [
             "<h2>What this recording could have shown</h2><p>Smallest effect, as a share of the restoring force that "

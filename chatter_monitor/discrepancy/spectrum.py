@@ -48,8 +48,8 @@ class SpectralFit:
     Attributes
     ----------
     linear : Linear
-    sd : ndarray of float64, shape (p,)
-        Standard deviations of the vector of parameters, see `_Density`.
+    covariance : ndarray of float64, shape (p, p)
+        Of the vector of parameters, see `_Density`.
     nll : float
         Negative logarithm of Whittle's likelihood.
     parameters : int
@@ -68,7 +68,7 @@ class SpectralFit:
 
     linear: Linear
     vector: Vector
-    sd: Vector
+    covariance: Vector
     nll: float
     parameters: int
     ratio: Vector
@@ -77,6 +77,11 @@ class SpectralFit:
     level: float
     noise_density: float
     lowest_density: float
+
+    @property
+    def sd(self) -> Vector:
+        """Standard deviations of the vector."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
 def periodogram(recorded: Recorded, width_hz: float) -> Periodogram:
@@ -253,13 +258,13 @@ def fit(spectrum: Periodogram, start: Linear, *, colours: int = COLOURS, fixed_m
         if gain < 1e-4:
             break
     values, vectors = np.linalg.eigh(information)
-    sd = np.sqrt(np.sum(vectors**2 / np.maximum(values, 1e-9), axis=1))
+    covariance = (vectors / np.maximum(values, 1e-9)) @ vectors.T
     linear = density.linear(vector)
     level = float(vector[density.noise_at + 1])
     return SpectralFit(
         linear,
         vector,
-        sd,
+        covariance,
         nll,
         vector.size,
         measured * np.exp(-log_s),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from chatter_monitor.errors import InputError
 from chatter_monitor.kernels.oscillator import PER_MODE, PER_SPINDLE, Oscillator, oscillator
-from chatter_monitor.physics.parts import AppliedTerm, Drift, Excitation, Mode, Sensor, Spindle
+from chatter_monitor.physics.parts import AppliedTerm, Cut, Drift, Excitation, Mode, Sensor, Spindle
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,7 @@ class MachiningSystem:
     spindle: Spindle | None = None
     sensor: Sensor = field(default_factory=Sensor)
     drifts: tuple[Drift, ...] = ()
+    cuts: tuple[Cut, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.modes:
@@ -43,6 +44,13 @@ class MachiningSystem:
                     f"{applied.term.name} needs the spindle speed, and there is no [spindle]",
                     remedy="Add [spindle] with speed_rpm and teeth.",
                 )
+        names = [cut.recording for cut in self.cuts]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError("two cuts have the same recording", got=", ".join(twice))
+        for key in ("cutting_speed_m_s", "width_m"):
+            if len({getattr(cut, key) is None for cut in self.cuts}) > 1:
+                raise InputError(f"{key} is given for some cuts only", remedy="Give it for all of them, or for none.")
         slots = self._slots()
         for drift in self.drifts:
             if drift.parameter not in slots and drift.parameter != "excitation.intensity":
@@ -60,6 +68,43 @@ class MachiningSystem:
         if self.excitation.intensity is not None:
             return self.excitation.intensity
         return 2.0 * abs(self.modes[0].damping_ratio) * self.modes[0].omega ** 3 / math.pi
+
+    def in_cut(self, recording: str) -> MachiningSystem:
+        """Return the machine as it was in one recording: spindle speed, and geometry of the terms that have it.
+
+        Raises
+        ------
+        InputError
+            If there are cuts, and none of that recording.
+        """
+        if not self.cuts:
+            return self
+        known = {cut.recording: cut for cut in self.cuts}
+        if recording not in known:
+            raise InputError(
+                "the model file says nothing about this recording",
+                got=recording,
+                allowed=", ".join(known),
+                remedy="Add a [[cut]] with its name and speed_rpm.",
+            )
+        cut = known[recording]
+        geometry = {
+            key: value
+            for key, value in (("cutting_speed_m_s", cut.cutting_speed_m_s), ("width_m", cut.width_m))
+            if value is not None
+        }
+        terms = tuple(
+            AppliedTerm(
+                applied.term,
+                {
+                    **applied.parameters,
+                    **{p.name: geometry[p.name] for p in applied.term.parameters if p.name in geometry},
+                },
+            )
+            for applied in self.terms
+        )
+        teeth = self.spindle.teeth if self.spindle else 1
+        return replace(self, terms=terms, spindle=Spindle(cut.speed_rpm, teeth), cuts=())
 
     @property
     def delayed(self) -> bool:

@@ -11,14 +11,14 @@ from typing import Any, TypeVar
 
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
-from chatter_monitor.physics.parts import AppliedTerm, Drift, Excitation, Mode, Sensor, Spindle
+from chatter_monitor.physics.parts import AppliedTerm, Cut, Drift, Excitation, Mode, Sensor, Spindle
 from chatter_monitor.physics.terms import CATALOGUE, Term
 
 Part = TypeVar("Part")
 Table = Mapping[str, Any]
 
-_SECTIONS = ("sensor", "mode", "excitation", "spindle", "term", "drift")
-_TEXTS = ("quantity", "kind", "name", "parameter")
+_SECTIONS = ("sensor", "mode", "excitation", "spindle", "term", "drift", "cut")
+_TEXTS = ("quantity", "kind", "name", "parameter", "recording")
 _LISTS = ("time_s", "value")
 
 
@@ -28,8 +28,8 @@ def read_model(path: Path, catalogue: Mapping[str, Term] = CATALOGUE) -> Machini
     Parameters
     ----------
     path : Path
-        A TOML file with ``[[mode]]`` and, as needed, ``[sensor]``, ``[excitation]``, ``[spindle]``, ``[[term]]`` and
-        ``[[drift]]``.
+        A TOML file with ``[[mode]]`` and, as needed, ``[sensor]``, ``[excitation]``, ``[spindle]``, ``[[term]]``,
+        ``[[drift]]`` and ``[[cut]]``.
     catalogue : mapping of str to Term
         Terms that the file may name.
 
@@ -79,6 +79,8 @@ def as_tables(system: MachiningSystem) -> dict[str, Any]:
             {"parameter": drift.parameter, "time_s": list(drift.time_s), "value": list(drift.value)}
             for drift in system.drifts
         ]
+    if system.cuts:
+        tables["cut"] = [_changed(cut) for cut in system.cuts]
     return tables
 
 
@@ -112,11 +114,12 @@ def _system(tables: Table, file: str, catalogue: Mapping[str, Term]) -> Machinin
     modes = several("mode", lambda table, where: _part(Mode, table, where))
     terms = several("term", lambda table, where: _applied_term(table, where, catalogue))
     drifts = several("drift", lambda table, where: _part(Drift, table, where))
+    cuts = several("cut", lambda table, where: _part(Cut, table, where))
     excitation = single("excitation", Excitation) or Excitation()
     sensor = single("sensor", Sensor) or Sensor()
     spindle = single("spindle", Spindle)
     with _Located(file):
-        return MachiningSystem(modes, terms, excitation, spindle, sensor, drifts)
+        return MachiningSystem(modes, terms, excitation, spindle, sensor, drifts, cuts)
 
 
 def _part(make: Callable[..., Part], table: Table, where: str) -> Part:

@@ -1,4 +1,4 @@
-"""The parts of a machining system: mode, excitation, spindle, sensor, applied term, drift.
+"""The parts of a machining system: mode, excitation, spindle, sensor, applied term, drift, cut.
 
 All are frozen and check themselves: a part that exists is one that can be simulated.
 """
@@ -196,6 +196,35 @@ class Drift:
             )
         if any(late <= early for early, late in zip(self.time_s, self.time_s[1:], strict=False)):
             raise InputError(f"time_s of the drift of {self.parameter} has to increase", got=list(self.time_s))
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """What is different in one recording of a machine; everything else is shared by all of them.
+
+    Attributes
+    ----------
+    recording : str
+        Name of the file, without directories.
+    speed_rpm : float
+        Spindle speed.
+    cutting_speed_m_s, width_m : float, optional
+        Cutting speed v_c and chip width b of eq. (4); without them those of the term count.
+    """
+
+    recording: str
+    speed_rpm: float
+    cutting_speed_m_s: float | None = None
+    width_m: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.recording:
+            raise InputError("a cut needs the name of its recording", got=self.recording)
+        _require("speed_rpm", self.speed_rpm, self.speed_rpm > 0.0, "> 0")
+        for key in ("cutting_speed_m_s", "width_m"):
+            value = getattr(self, key)
+            if value is not None:
+                _require(key, value, value > 0.0, "> 0")
 
 
 def _require(name: str, value: float, fulfilled: bool, allowed: str) -> None:

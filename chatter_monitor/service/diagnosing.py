@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,13 @@ from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
 from chatter_monitor.discrepancy.driven import examine_driven
 from chatter_monitor.discrepancy.oracle import gain_of
 from chatter_monitor.discrepancy.report import Report
+from chatter_monitor.discrepancy.shared import with_process_damping
 from chatter_monitor.discrepancy.show import page
 from chatter_monitor.discrepancy.show_driven import page_driven
+from chatter_monitor.discrepancy.show_together import page_together
+from chatter_monitor.discrepancy.together import diagnose_together
 from chatter_monitor.errors import EnvironmentFault, InputError
+from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.model_file import model_text, read_model
 from chatter_monitor.physics.parts import AppliedTerm, Mode
 from chatter_monitor.physics.terms import CATALOGUE
@@ -70,10 +74,11 @@ def diagnose_file(
     """
     started = time.perf_counter()
     system = read_model(model)
+    system = system.in_cut(file.name)
     progress("reading the recording")
     recorded = _read(file, channel, between_s)
     if driven_by is None:
-        diagnosis = conclude(examine(recorded, system, progress))
+        diagnosis = conclude(examine(recorded, with_process_damping(system), progress))
         progress("report")
         html, report = page(diagnosis, file.name)
         augmented = diagnosis.model
@@ -83,15 +88,64 @@ def diagnose_file(
         progress("report")
         html, report, augmented = page_driven(driven, file.name), driven.report, driven.model
     report = msgspec.structs.replace(report, elapsed_s=round(time.perf_counter() - started, 3))
+    return report, _write(out, report, html, augmented)
+
+
+def diagnose_files(
+    files: Sequence[Path],
+    model: Path,
+    out: Path,
+    *,
+    channel: int = 0,
+    between_s: tuple[float, float] | None = None,
+    progress: Callable[[str], None] = lambda _step: None,
+) -> tuple[Report, list[Path]]:
+    """Diagnose several recordings of one machine: what they share in `out`, each by itself in a directory below it.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        Two or more, of different names; the cuts of the model file say at which speed each was recorded.
+    model, out, channel, between_s, progress
+        As for `diagnose_file`; channel and stretch are those of all recordings.
+
+    Returns
+    -------
+    Report, list of Path
+        The common answer, and the files written for it.
+
+    Raises
+    ------
+    InputError, EnvironmentFault
+        As for `diagnose_file`.
+    """
+    started = time.perf_counter()
+    system = read_model(model)
+    names = [file.name for file in files]
+    if len(set(names)) < len(names):
+        raise InputError("two recordings have the same name", got=", ".join(names), remedy="Rename one of them.")
+    progress("reading the recordings")
+    recordings = [(file.name, _read(file, channel, between_s)) for file in files]
+    folders = [f"{i}-{file.stem}" for i, file in enumerate(files, 1)]
+    together = diagnose_together(recordings, system, folders, progress)
+    progress("reports")
+    for folder, name, diagnosis in zip(folders, names, together.diagnoses, strict=True):
+        html, report = page(diagnosis, name)
+        _write(out / folder, report, html, diagnosis.model)
+    report = msgspec.structs.replace(together.report, elapsed_s=round(time.perf_counter() - started, 3))
+    return report, _write(out, report, page_together(together, ", ".join(names)), together.model)
+
+
+def _write(out: Path, report: Report, html: str, model: MachiningSystem) -> list[Path]:
+    written = [out / "report.json", out / "report.html", out / "model.toml"]
     try:
         out.mkdir(parents=True, exist_ok=True)
-        written = [out / "report.json", out / "report.html", out / "model.toml"]
         written[0].write_bytes(report.to_json())
         written[1].write_text(html, encoding="utf-8")
-        written[2].write_text(model_text(augmented), encoding="utf-8")
+        written[2].write_text(model_text(model), encoding="utf-8")
     except OSError as error:
         raise EnvironmentFault(f"the diagnosis cannot be written: {error.strerror}", got=str(out)) from error
-    return report, written
+    return written
 
 
 def true_gain(file: Path, model: Path, truth: Mapping[str, Any]) -> float:
@@ -137,6 +191,15 @@ def lines(report: Report) -> list[str]:
         errors = report.force_balance.free_run_error_before, report.force_balance.free_run_error_after
         before, after = ("runs away" if error is None else f"{100 * error:.3g} %" for error in errors)
         said.append(f"  driven by the measured force, the simulation is off by {before} before, {after} after")
+    for each in report.recordings:
+        at = f" at {each.cutting_speed_m_s:g} m/s" if each.cutting_speed_m_s is not None else ""
+        speed = f" {each.speed_rpm:g} rpm" if each.speed_rpm is not None else ""
+        low, high = (100 * end for end in each.damping_ratio.ci95)
+        said.append(
+            f"  {each.recording}{speed}{at}: {each.frequency_hz.value:.4g} Hz, damping "
+            f"{100 * each.damping_ratio.value:.3g} [{low:.3g}, {high:.3g}] %; "
+            f"shared {100 * each.shared_damping_ratio:.3g} %; alone: {each.verdict}"
+        )
     said += [f"  note: {warning}" for warning in report.warnings]
     return said
 
