@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import expit
 from scipy.stats import linregress
 
-from chatter_monitor.kernels import comb, lines, rarma, vibrations
+from chatter_monitor.kernels import comb, lines, rarma, slots, vibrations
 from chatter_monitor.kernels.kinds import CONVINCING, PRIOR, Chain, measures
 
 
@@ -250,3 +250,63 @@ def family(
         if any(abs(line - k * spacing) <= 2.0 * off[i] for k in range(1, comb.FORCED + 1)):
             forced.add(i)
     return brought, forced
+
+
+@dataclass(frozen=True)
+class NaiveMode:
+    """One mode of one octave in a frame."""
+
+    octave: int
+    mode: int
+    hertz: float
+    power: float
+
+    def distance(self, later: NaiveMode) -> float:
+        return float(abs(np.log(later.hertz / self.hertz)))
+
+
+class NaiveSlots:
+    """Slots of a frame by sorting: all candidates by power, all pairs of slot and candidate by rank."""
+
+    def __init__(self, homes: NDArray[np.float64], count: int) -> None:
+        self.homes = homes
+        self.last: list[NaiveMode | None] = [None] * count
+        self.present = [False] * count
+
+    def assign(self, hertz: NDArray[np.float64], powers: NDArray[np.float64]) -> list[NaiveMode | None]:
+        chosen = self.distinct(hertz, powers)[: len(self.last)]
+        found: list[NaiveMode | None] = [None] * len(self.last)
+        known = [(slot, mode) for slot, mode in enumerate(self.last) if mode is not None]
+        pairs = sorted((*self.rank(slot, mode, new), slot, i) for slot, mode in known for i, new in enumerate(chosen))
+        for *_, slot, i in pairs:
+            if found[slot] is None and chosen[i] not in found:
+                found[slot] = chosen[i]
+        for new in chosen:
+            if new not in found:
+                found[found.index(None)] = new
+        self.last = [new or mode for new, mode in zip(found, self.last, strict=True)]
+        self.present = [new is not None for new in found]
+        return found
+
+    def rank(self, slot: int, known: NaiveMode, new: NaiveMode) -> tuple[int, float]:
+        distance = known.distance(new)
+        if not self.present[slot] or distance > slots.LOYALTY:
+            return 2, distance
+        same = (known.octave, known.mode) == (new.octave, new.mode)
+        return (0, distance) if same else (1, -new.power)
+
+    def distinct(self, hertz: NDArray[np.float64], powers: NDArray[np.float64]) -> list[NaiveMode]:
+        owned = {(mode.octave, mode.mode) for mode in self.last if mode is not None}
+        candidates = [
+            NaiveMode(octave, mode, hertz[octave, mode], powers[octave, mode])
+            for octave, (low, high) in enumerate(self.homes)
+            for mode in range(hertz.shape[1])
+            for spread in [slots.LOYALTY if (octave, mode) in owned else 0.0]
+            if low * (1.0 - spread) <= hertz[octave, mode] <= high * (1.0 + spread)
+        ]
+        distinct: list[NaiveMode] = []
+        for new in sorted(candidates, key=lambda mode: -mode.power):
+            others = [known for known in distinct if known.octave != new.octave]
+            if all(abs(new.hertz - known.hertz) > slots.SAME_VIBRATION * known.hertz for known in others):
+                distinct.append(new)
+        return distinct

@@ -30,11 +30,11 @@ GROWTH_HOPS = 12
 # Frames that are fainter by so much (logarithm of the power, 25 dB) are silence.
 SILENCE = 5.8
 
-# Indices into what is told of a line: the bin that it is at, interpolated; share of the power; coefficient of variation
-# of its modulus over half of the ring; growth of its logarithm in a hop; correlation `LAG` hops apart; how far it
-# stands out; rise within the time of the ring, and within that of the reliefs, and the latter whatever the surroundings
-# did.
-BIN, SHARE, VARIATION, GROWTH, COHERENCE, PROMINENCE, RISE, LONG_RISE, ABSOLUTE_RISE = range(9)
+# Indices into what is told of a line, in the order of `tracking.spectrum.Line`: the bin that it is at, interpolated;
+# share of the power; how far it stands out; coefficient of variation of its modulus over half of the ring; growth of
+# its logarithm in a hop; rise within the time of the ring, and within that of the reliefs, and the latter whatever the
+# surroundings did; correlation `LAG` hops apart.
+BIN, SHARE, PROMINENCE, VARIATION, GROWTH, RISE, LONG_RISE, ABSOLUTE_RISE, COHERENCE = range(9)
 MEASURES = 9
 
 # Indices of `LineState.counts`: hops taken, frames looked at
@@ -106,13 +106,14 @@ def cut_out(samples, window, first, hop, largest, pieces, valid):
     """
     heard = False
     for i in range(pieces.shape[0]):
-        valid[i] = True
+        begin = first + i * hop
+        whole = True
         for t in range(window.shape[0]):
-            sample = samples[first + i * hop + t]
-            valid[i] = valid[i] and abs(sample) < largest
-            pieces[i, t] = sample * window[t]
-            heard = heard or sample != 0.0
-        if not valid[i]:
+            whole &= abs(samples[begin + t]) < largest
+            heard |= samples[begin + t] != 0.0
+            pieces[i, t] = samples[begin + t] * window[t]
+        valid[i] = whole
+        if not whole:
             pieces[i, :] = 0.0
     return heard
 
@@ -301,11 +302,12 @@ def describe(spectra, valid, head, power, lowest, b, scratch, out):
     amplitudes = spectra[b]
     modulus = scratch  # oldest first
     count = 0
-    for back in range(size, 0, -1):
-        now = (head - back) % size
+    now = head % size
+    for _ in range(size):
         if valid[now]:
             modulus[count] = abs(amplitudes[now])
             count += 1
+        now = _after(now, size)
     if count < GROWTH_HOPS:
         return
     mean, spread = _moments(modulus[max(0, count - size // 2) : count])
@@ -337,15 +339,28 @@ def rise(heights, levels, head, frames, b, scratch):
         Work space.
     """
     columns = heights.shape[1]
-    silence = levels[(head - 1) % columns] - SILENCE
+    column = head % columns
+    silence = levels[_before(column, columns)] - SILENCE
     count = 0
-    for back in range(1, min(frames, head, columns) + 1):
-        column = (head - back) % columns
+    for _ in range(min(frames, head, columns)):
+        column = _before(column, columns)
         if levels[column] > silence:
             scratch[count] = max(heights[b - 1, column], heights[b, column], heights[b + 1, column])
             count += 1
     newest = scratch[0]
     return 0.5 * (newest - median(scratch[:count])) if count > 1 else 0.0
+
+
+@njit(**OPTIONS)
+def _before(column, columns):
+    """Column of a ring before another; a division for each would take longer than all that is done with it."""
+    return column - 1 if column > 0 else columns - 1
+
+
+@njit(**OPTIONS)
+def _after(column, columns):
+    """Column of a ring after another."""
+    return column + 1 if column + 1 < columns else 0
 
 
 @njit(**OPTIONS)
@@ -381,9 +396,9 @@ def _coherence(amplitudes, valid, head):
     product = complex(0.0, 0.0)
     early = 0.0
     late = 0.0
-    for back in range(1, size + 1 - LAG):
-        now = (head - back) % size
-        then = (head - back - LAG) % size
+    now, then = head % size, (head - LAG) % size
+    for _ in range(size - LAG):
+        now, then = _before(now, size), _before(then, size)
         if valid[now] and valid[then]:
             product += amplitudes[now] * np.conj(amplitudes[then])
             late += amplitudes[now].real ** 2 + amplitudes[now].imag ** 2

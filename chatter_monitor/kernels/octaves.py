@@ -15,6 +15,7 @@ from chatter_monitor.kernels import conditioning, odp, poles, rarma
 from chatter_monitor.kernels.median import median
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.share import modal_shares
+from chatter_monitor.kernels.slots import assign
 from chatter_monitor.kernels.track import OSCILLATORY, REAL_PAIR, STARTING, recurse
 
 
@@ -202,8 +203,8 @@ def advance(p: int, q: int, first: int, samples: np.ndarray, filled: int, corner
 
 
 @njit(**OPTIONS)
-def survey(p, q, first, begin, state, frequencies, powers):
-    """Tell what the modes of a frame are: it ends with the samples taken last.
+def complete(p, q, first, begin, state, slots, out):
+    """Fill a frame, which ends with the samples taken last, with the modes that it reports, and begin the next.
 
     Parameters
     ----------
@@ -211,6 +212,25 @@ def survey(p, q, first, begin, state, frequencies, powers):
         As in `advance`.
     begin : int
         Index of the frame's first sample in the source.
+    state : Octaves
+    slots : Slots
+        Left with what is reported.
+    out : Columns, shape (samples, slots)
+        The result.
+    """
+    survey(p, q, first, begin, state, slots.frequencies, slots.powers)
+    assign(slots)
+    show(first, begin, slots.chosen, state.columns, state.filled, out)
+
+
+@njit(**OPTIONS)
+def survey(p, q, first, begin, state, frequencies, powers):
+    """Tell what the modes of a frame are: it ends with the samples taken last.
+
+    Parameters
+    ----------
+    p, q, first, begin : int
+        As in `complete`.
     state : Octaves
         Its ``shares`` are brought up to date.
     frequencies : ndarray of float64, shape (octaves, modes)
@@ -242,7 +262,7 @@ def show(first, begin, chosen, columns, filled, out):
     Parameters
     ----------
     first, begin : int
-        As in `survey`.
+        As in `complete`.
     chosen : ndarray of int64, shape (slots, 2)
         Octave (counted from the first recursion) and mode to be shown in each slot; -1 for none. That reads as a pair
         of real poles: no frequency; held or starting as its neighbours.

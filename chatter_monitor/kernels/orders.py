@@ -194,7 +194,7 @@ def _fold(state):
             x = place - index
             residual = sample - _between(signal, index, x)
             fold[index] += (1.0 - x) * residual
-            fold[(index + 1) % points] += x * residual
+            fold[index + 1 if index + 1 < points else 0] += x * residual
             state.counts[FOLDED] += 1
         place += step
         if place >= points:
@@ -306,8 +306,11 @@ def renew(tables, state):
     """Put tables of shape (2, points) in place of the old ones."""
     points = tables.shape[1]
     for row in range(2):
-        for i in range(points + 3):
-            state.tables[row, i] = tables[row, (i - 1) % points]
+        state.tables[row, 0] = tables[row, points - 1]
+        for i in range(points):
+            state.tables[row, 1 + i] = tables[row, i]
+        for i in range(2):
+            state.tables[row, 1 + points + i] = tables[row, i]
 
 
 @njit(**OPTIONS)

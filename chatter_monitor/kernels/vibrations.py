@@ -81,22 +81,22 @@ class Rules(NamedTuple):
 
 
 @njit(**OPTIONS)
-def follow_all(before, lines, rules, weights, taken, after):
+def follow_all(vibrations, known, lines, rules, weights, taken, work):
     """Follow every vibration through an interval.
 
     Parameters
     ----------
-    before : ndarray of VIBRATION, shape (n,)
-        Vibrations so far; each takes the nearest line that those ahead of it have left.
+    vibrations : ndarray of VIBRATION, shape (>= known + m,)
+        The first ``known`` are the vibrations so far; each takes the nearest line that those ahead of it have left.
+        Overwritten with the vibrations after the interval, the most suspicious first.
+    known : int
     lines : ndarray of LINE, shape (m,)
         Prominent lines of the interval. What none has taken begins a vibration.
     rules : Rules
     weights : ndarray of float64
         As in `kinds.likeness`.
-    taken : ndarray of bool, shape (m,)
+    taken, work : ndarray of bool and of VIBRATION, shape (>= m,) and (>= known + m,)
         Work space.
-    after : ndarray of VIBRATION, shape (n + m,)
-        The result, in the same order.
 
     Returns
     -------
@@ -105,9 +105,9 @@ def follow_all(before, lines, rules, weights, taken, after):
     """
     taken[:] = False
     count = 0
-    for i in range(before.shape[0]):
-        vibration = after[count]
-        after[count] = before[i]
+    for i in range(known):
+        vibration = work[count]
+        work[count] = vibrations[i]
         vibration.line = _line_of(vibration, lines, taken)
         if vibration.line == NO_LINE:
             _unheard(vibration, rules)
@@ -118,12 +118,24 @@ def follow_all(before, lines, rules, weights, taken, after):
             count += 1
     for i in range(lines.shape[0]):
         if not taken[i]:
-            vibration = after[count]
+            vibration = work[count]
             _begin(vibration, lines[i])
             vibration.line = i
             _heard(vibration, lines[i], rules, weights)
             count += 1
+    for i in range(count):
+        place = i
+        while place > 0 and _suspicion(vibrations[place - 1]) < _suspicion(work[i]):
+            vibrations[place] = vibrations[place - 1]
+            place -= 1
+        vibrations[place] = work[i]
     return count
+
+
+@njit(**OPTIONS)
+def _suspicion(vibration):
+    """Probability that it has risen and that nothing that turns explains it."""
+    return (vibration.growing + vibration.saturated) * vibration.unexplained
 
 
 @njit(**OPTIONS)

@@ -8,7 +8,6 @@ the first leaves.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
 import msgspec
@@ -70,8 +69,7 @@ class OrderLine(NamedTuple):
     rms: float
 
 
-@dataclass(frozen=True, slots=True)
-class Orders:
+class Orders(NamedTuple):
     """What turned in one frame.
 
     Attributes

@@ -85,12 +85,14 @@ class AveragedPeriodogram:
         """
         if len(samples) > self.missing_to_hop:
             raise ValueError(len(samples))
-        finite = np.abs(samples) < LARGEST_SAMPLE  # neither NaN nor too large to be squared
         begin = self._segment - self._hop + self._filled
-        self._recent[begin : begin + len(samples)] = np.where(finite, samples, 0.0)
+        recent = self._recent[begin : begin + len(samples)]
+        recent[:] = samples
         self._filled += len(samples)
-        if not finite.all():
-            self._since_missing = -int(np.flatnonzero(~finite)[-1]) - 1
+        missing = ~(np.abs(samples) < LARGEST_SAMPLE)  # NaN, or too large to be squared
+        if missing.any():
+            recent[missing] = 0.0
+            self._since_missing = -int(np.flatnonzero(missing)[-1]) - 1
         self._since_missing += len(samples)
         if self._filled < self._hop:
             return False

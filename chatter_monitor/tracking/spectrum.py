@@ -111,29 +111,8 @@ class Spectrum:
         count = lines.follow(
             transforms, valid, start, self._hop, self._lowest, self._state, self._peaks, self._measures
         )
-        return [self._line(*measures) for measures in self._measures[:count].tolist()]
-
-    def _line(
-        self,
-        at: float,
-        share: float,
-        variation: float,
-        growth: float,
-        coherence: float,
-        prominence: float,
-        rise: float,
-        long_rise: float,
-        absolute_rise: float,
-    ) -> Line:
-        """A line from the measures of the kernel, which counts in bins and hops."""
-        return Line(
-            frequency_hz=at * self._bin_hz,
-            share=share,
-            prominence_db=DECIBELS * prominence,
-            variation=variation,
-            growth_per_s=growth / self._hop_s,
-            rise=rise,
-            long_rise=long_rise,
-            absolute_rise=absolute_rise,
-            coherence=coherence,
-        )
+        found = self._measures[:count]  # which the kernel counts in bins and hops
+        found[:, lines.BIN] *= self._bin_hz
+        found[:, lines.PROMINENCE] *= DECIBELS
+        found[:, lines.GROWTH] /= self._hop_s
+        return [Line(*measures) for measures in found.tolist()]

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels import octaves as kernel
+from chatter_monitor.kernels.slots import new_slots
 from chatter_monitor.records import Flag, OdpFrame
-from chatter_monitor.tracking.bands import Slots, homes
+from chatter_monitor.tracking.bands import homes
 
 # One frame is one verdict interval: long enough for a stable median, short enough for an alarm in time.
 INTERVAL_S = 0.05
@@ -100,8 +101,7 @@ class Tracker:
         octaves = range(self._first_octave, max(end, self._first_octave + 1))
         self._octaves = kernel.new_state(*settings.orders, octaves, settings.memory_ms * 1e-3, rate, self._interval)
         self._corner = 2 * np.pi * settings.high_pass_hz / rate
-        self._frequencies_hz, self._powers = np.zeros((2, len(octaves), settings.orders[0] // 2))
-        self._slots = Slots(homes(rate, octaves), settings.modes)
+        self._slots = new_slots(np.array(homes(rate, octaves)), settings.orders[0] // 2, settings.modes)
         self._next_sample = 0
         self._filled = 0
         self._lost = 0
@@ -164,7 +164,9 @@ class Tracker:
         first_sample = self._next_sample - self._filled
         signal = self._octaves.signal[: self._filled].copy()
         rms = kernel.root_mean_square(signal)
-        odps, powers = self._odps(first_sample)
+        odps = kernel.new_columns(self._filled, self._settings.modes)
+        kernel.complete(*self._settings.orders, self._first_octave, first_sample, self._octaves, self._slots, odps)
+        powers = self._slots.power
         total = max(rms * rms, powers.sum())
         frame = OdpFrame(
             channel=self._channel,
@@ -175,7 +177,7 @@ class Tracker:
             frequency_sd_hz=odps.frequency_sd,
             damping_sd=odps.damping_sd,
             status=odps.status,
-            share=powers / total if total > 0.0 else powers,
+            share=powers / total if total > 0.0 else powers.copy(),
             signal=signal,
             rms=rms,
             lost=self._lost,
@@ -185,15 +187,3 @@ class Tracker:
         self._lost = 0
         self._flags = Flag.NONE
         return frame
-
-    def _odps(self, first_sample: int) -> tuple[kernel.Columns, NDArray[np.float64]]:
-        """ODPs of the frame, a column for each slot; the power in each slot."""
-        octaves = self._octaves
-        kernel.survey(
-            *self._settings.orders, self._first_octave, first_sample, octaves, self._frequencies_hz, self._powers
-        )
-        vibrations = self._slots.assign(self._frequencies_hz.tolist(), self._powers.tolist())
-        chosen = np.array([(-1, -1) if seen is None else (seen.band, seen.mode) for seen in vibrations])
-        odps = kernel.new_columns(self._filled, len(vibrations))
-        kernel.show(self._first_octave, first_sample, chosen, octaves.columns, octaves.filled, odps)
-        return odps, np.array([0.0 if seen is None else seen.power for seen in vibrations])

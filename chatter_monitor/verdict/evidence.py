@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -36,8 +35,7 @@ TELLING = 0.8
 OSCILLATORY, HELD, STARTING = int(ModeStatus.OSCILLATORY), int(ModeStatus.HELD), int(ModeStatus.STARTING)
 
 
-@dataclass(frozen=True, slots=True)
-class ModeEvidence:
+class ModeEvidence(NamedTuple):
     """One mode over one interval: medians over its samples, with the median of their standard deviations."""
 
     frequency_hz: float
@@ -58,8 +56,7 @@ class Place(NamedTuple):
         return self.by_chance < TELLING
 
 
-@dataclass(frozen=True, slots=True)
-class Vibration:
+class Vibration(NamedTuple):
     """A line, the tracker's mode at it, and its place among the orders.
 
     Attributes
@@ -89,8 +86,7 @@ class Vibration:
         return self.line.damping_ratio if self.mode is None else self.mode.damping_ratio
 
 
-@dataclass(frozen=True, slots=True)
-class Evidence:
+class Evidence(NamedTuple):
     """What one interval says.
 
     Attributes

@@ -6,8 +6,7 @@ What each vibration is, is followed by `verdict.vibrations`; here the probabilit
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import msgspec
 
@@ -81,8 +80,7 @@ class JudgeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(msg)
 
 
-@dataclass(frozen=True, slots=True)
-class Memory:
+class Memory(NamedTuple):
     """What the judge remembers from one interval to the next.
 
     Attributes
@@ -111,8 +109,7 @@ class Memory:
         return max((v for v in self.vibrations if v.alarm_for), key=lambda v: v.alarm_for, default=None)
 
 
-@dataclass(frozen=True, slots=True)
-class Opinion:
+class Opinion(NamedTuple):
     """State, how sure, why, and which vibration is meant."""
 
     state: State
@@ -245,14 +242,14 @@ class Judge:
         if deaf:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif evidence.held or evidence.rms <= settings.idle_ratio * memory.loudest:
-            memory = replace(memory, vibrations=self._following.rest())
+            memory = memory._replace(vibrations=self._following.rest())
             view = Opinion("idle", 0.95, ("nothing moves" if evidence.held else "far below the level of cutting",))
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         else:
             memory = self._follow(memory, evidence)
             view = opinion(evidence, memory, settings)
-        self._memory = replace(memory, forced=view.state == "forced")
+        self._memory = memory._replace(forced=view.state == "forced")
         return self._record(view, evidence, first_sample, samples, sample_rate_hz)
 
     def _follow(self, memory: Memory, evidence: Evidence) -> Memory:
@@ -261,8 +258,7 @@ class Judge:
         vibrations = self._following.follow(evidence, rules)
         now = evidence.orders.synchronous_share
         steady = sum(v.forced * v.heard.line.share for v in vibrations if v.heard is not None and v.forced > 0.5)
-        return replace(
-            memory,
+        return memory._replace(
             vibrations=vibrations,
             synchronous=memory.synchronous + AVERAGING * (now - memory.synchronous),
             steady=memory.steady + AVERAGING * (min(steady, 1.0 - now) - memory.steady),
@@ -273,7 +269,7 @@ class Judge:
         loudest = self._memory.loudest
         # it at most doubles with each interval, so that one click does not make a quiet cut look idle for minutes
         credible = min(level, 2.0 * loudest) if loudest > 0.0 else level
-        return replace(self._memory, loudest=max(credible, loudest * self._forgetting))
+        return self._memory._replace(loudest=max(credible, loudest * self._forgetting))
 
     def _record(
         self, view: Opinion, evidence: Evidence, first_sample: int, samples: int, sample_rate_hz: float
