@@ -31,6 +31,8 @@ class Synthetic(Source):
         Samples in each block but the last.
     """
 
+    clipped_samples = non_finite_samples = 0  # as a recording counts them
+
     def __init__(
         self,
         signal: Signal,

@@ -464,12 +464,6 @@ def line(samples: int) -> np.ndarray:
     return 0.3 * np.sin(2 * np.pi * LINE_HZ * np.arange(samples) / RATE_HZ) + 0.003 * noise
 
 
-class Counts:
-    """No sample is clipped or missing."""
-
-    clipped_samples = non_finite_samples = 0
-
-
 def test_the_spindle_speed_takes_effect_at_the_next_interval(control, client):
     """Right after `set_spindle` both channels name the line's order; a mark is in the next health message only."""
     signal = line(38_400)
@@ -479,7 +473,7 @@ def test_the_spindle_speed_takes_effect_at_the_next_interval(control, client):
         Settings(),
         source,
         [kept, control],
-        counts=Counts(),
+        counts=source,
         source_rate_hz=RATE_HZ,
         session="test",
         clock=time.perf_counter,

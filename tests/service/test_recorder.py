@@ -48,17 +48,13 @@ class Told(Outlet):
         pass
 
 
-class Counts:
-    clipped_samples = non_finite_samples = 0
-
-
 def monitored(signal, outlet, settings=None, commands=lambda: ()):
     source = Synthetic.from_array(signal, RATE_HZ, block_samples=1000)
     monitor = Monitor(
         settings or Settings(),
         source,
         [outlet],
-        counts=Counts(),
+        counts=source,
         source_rate_hz=RATE_HZ,
         session="cut",
         clock=time.perf_counter,
