@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import re
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import zmq
 
 from chatter_monitor.errors import EnvironmentFault, InputError
+from chatter_monitor.outlets.address import is_loopback
 
 ALLOWED_LOOPBACK = "tcp:// on 127.0.0.0/8, localhost or [::1] with a port (0: any free one), or ipc:// with a path"
 
@@ -63,11 +63,3 @@ def bind(socket: zmq.Socket[Any], endpoint: str, *, setting: str) -> str:
             remedy=f"Another program may hold the port; choose another one with {setting}.",
         ) from error
     return str(socket.getsockopt_string(zmq.LAST_ENDPOINT))
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a host name or address means this machine only; names but localhost may mean anything."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"

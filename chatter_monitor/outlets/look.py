@@ -1,6 +1,8 @@
-"""Colours and words of dashboard and reports: the palette of Okabe and Ito, which colour-blind eyes tell apart."""
+"""Colours and words for people: the palette of Okabe and Ito, which colour-blind eyes tell apart."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 from chatter_monitor.records import State
 
@@ -15,15 +17,39 @@ YELLOW: Colour = (240, 228, 66)
 VERMILLION: Colour = (213, 94, 0)
 REDDISH_PURPLE: Colour = (204, 121, 167)
 
-# Word and colour of each state. The word is there too, because colour alone must not carry the alarm.
-STATES: dict[State, tuple[str, Colour]] = {
-    "idle": ("idle", GREY),
-    "stable": ("stable", BLUISH_GREEN),
-    "forced": ("forced", SKY_BLUE),
-    "approaching": ("APPROACHING", YELLOW),
-    "self_excited": ("CHATTER", VERMILLION),
-    "unknown": ("unknown", REDDISH_PURPLE),
+
+class Look(NamedTuple):
+    """How a state looks.
+
+    Attributes
+    ----------
+    word : str
+        For the operator: colour alone must not carry the alarm.
+    colour : Colour
+        On the dashboard and in reports.
+    style : str
+        On a terminal, which has a palette of its own.
+    letter : str
+        In a strip of them: colours may be missing there.
+    """
+
+    word: str
+    colour: Colour
+    style: str
+    letter: str
+
+
+STATES: dict[State, Look] = {
+    "idle": Look("idle", GREY, "grey50", "."),
+    "stable": Look("stable", BLUISH_GREEN, "green", "-"),
+    "forced": Look("forced", SKY_BLUE, "cyan", "f"),
+    "approaching": Look("APPROACHING", YELLOW, "yellow", "!"),
+    "self_excited": Look("CHATTER", VERMILLION, "bold red", "#"),
+    "unknown": Look("unknown", REDDISH_PURPLE, "magenta", "?"),
 }
+# From the best news to the worst.
+SEVERITY: tuple[State, ...] = ("idle", "stable", "forced", "unknown", "approaching", "self_excited")
+
 # Modes by their slot; white is kept for the vibration that the verdict is about.
 MODES: tuple[Colour, ...] = (SKY_BLUE, ORANGE, BLUISH_GREEN, REDDISH_PURPLE)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.metadata import version
@@ -14,7 +13,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoM
 from prometheus_client.registry import Collector
 
 from chatter_monitor.errors import EnvironmentFault, InputError
-from chatter_monitor.outlets.endpoint import is_loopback
+from chatter_monitor.outlets.address import host_and_port, is_loopback
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, State, Verdict
 
@@ -226,7 +225,7 @@ def _state(
 
 def _address(bind: str) -> tuple[str, int]:
     """Host and port."""
-    parts = re.fullmatch(r"(?:\[(?P<ipv6>[^\[\]]+)\]|(?P<host>[^\s:/\[\]]+)):(?P<port>\d{1,5})", bind)
-    if parts is None or int(parts["port"]) > 65535:
-        raise InputError("[metrics] bind is no address", got=bind, allowed=ALLOWED)
-    return parts["ipv6"] or parts["host"], int(parts["port"])
+    match host_and_port(bind):
+        case host, int(port):
+            return host, port
+    raise InputError("[metrics] bind is no address", got=bind, allowed=ALLOWED)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Self
 import msgspec
 
 from chatter_monitor.errors import EnvironmentFault, InputError
-from chatter_monitor.outlets.endpoint import is_loopback
+from chatter_monitor.outlets.address import host_and_port, is_loopback
 from chatter_monitor.outlets.wire import Header, encode, topic_of
 from chatter_monitor.records import Event, Health, Verdict
 
@@ -98,11 +98,10 @@ class Broker:
 
     def place(self) -> tuple[str, int]:
         """Host and port."""
-        parts = re.fullmatch(r"(?:\[(?P<ipv6>[^\[\]]+)\]|(?P<host>[^\s:/\[\]]+))(?::(?P<port>\d{1,5}))?", self.address)
-        port = int(parts["port"] or (TLS_PORT if self.tls else PORT)) if parts else 0
-        if parts is None or not 0 < port < 65536:
+        host, port = host_and_port(self.address) or ("", 0)
+        if port == 0:
             raise InputError("this is no address of a broker", got=self.address, allowed=f"such as 10.0.0.5:{PORT}")
-        return parts["ipv6"] or parts["host"], port
+        return host, port or (TLS_PORT if self.tls else PORT)
 
     def password(self) -> str | None:
         """Password out of its file.

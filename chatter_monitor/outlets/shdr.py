@@ -8,13 +8,13 @@ the agent, which ``* PONG <ms>`` answers. It is described with the reference age
 
 from __future__ import annotations
 
-import re
 import selectors
 import socket
 from types import TracebackType
 from typing import Self
 
 from chatter_monitor.errors import EnvironmentFault, InputError
+from chatter_monitor.outlets.address import host_and_port
 from chatter_monitor.outlets.wire import Header
 from chatter_monitor.records import Event, Health, State, Verdict
 
@@ -62,12 +62,12 @@ class ShdrAdapter:
     """
 
     def __init__(self, bind: str) -> None:
-        parts = re.fullmatch(r"(?:\[(?P<ipv6>[^\[\]]+)\]|(?P<host>[^\s:/\[\]]+)):(?P<port>\d{1,5})", bind)
-        if parts is None or int(parts["port"]) > 65535:
+        host, port = host_and_port(bind) or ("", None)
+        if port is None:
             raise InputError("this is no address to bind to", got=bind, allowed="such as 127.0.0.1:7878")
-        family = socket.AF_INET6 if parts["ipv6"] else socket.AF_INET
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
         try:
-            self._server = socket.create_server((parts["ipv6"] or parts["host"], int(parts["port"])), family=family)
+            self._server = socket.create_server((host, port), family=family)
         except OSError as error:
             raise EnvironmentFault(
                 f"cannot answer MTConnect agents: {error.strerror}",

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from chatter_monitor.outlets.look import SEVERITY, STATES
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Event, Health, Odp, OdpFrame, State, Verdict
 
@@ -20,17 +21,6 @@ from chatter_monitor.records import Event, Health, Odp, OdpFrame, State, Verdict
 SHORTEST_SHOWN_S = 0.25
 ALWAYS_SHOWN: tuple[State, ...] = ("self_excited", "unknown")
 STRIP_CELLS = 100  # at most
-
-# word for the operator, colour, letter of the strip (colours may be missing, and not everybody sees them)
-LOOK: dict[State, tuple[str, str, str]] = {
-    "idle": ("idle", "grey50", "."),
-    "stable": ("stable", "green", "-"),
-    "forced": ("forced", "cyan", "f"),
-    "approaching": ("APPROACHING", "yellow", "!"),
-    "self_excited": ("CHATTER", "bold red", "#"),
-    "unknown": ("unknown", "magenta", "?"),
-}
-SEVERITY: tuple[State, ...] = ("idle", "stable", "forced", "unknown", "approaching", "self_excited")
 
 
 def _numbers() -> array[float]:
@@ -168,7 +158,7 @@ class Timeline(Outlet):
                         style="bold red",
                         highlight=False,
                     )
-            totals = ", ".join(f"{LOOK[s][0]} {t:.1f} s" for s, t in sorted(summary.seconds_in[channel].items()))  # type: ignore[index]
+            totals = ", ".join(f"{STATES[s].word} {t:.1f} s" for s, t in sorted(summary.seconds_in[channel].items()))  # type: ignore[index]
             console.print(f"  {summary.duration_s:.1f} s in all: {totals}.", highlight=False, soft_wrap=True)
         for count, what in (
             (summary.samples_missing, "promised by the file's header are not there"),
@@ -191,8 +181,7 @@ class Timeline(Outlet):
                 cells[cell] = max(cells[cell], stretch.state, key=SEVERITY.index)
         strip = Text("  ")
         for state in cells:
-            _, colour, letter = LOOK[state]
-            strip.append(letter, style=colour)
+            strip.append(STATES[state].letter, style=STATES[state].style)
         return strip.append(f"  {begin:.0f}-{end:.0f} s", style="grey50")
 
     @staticmethod
@@ -202,7 +191,6 @@ class Timeline(Outlet):
             table.add_column(heading, justify="right")
         table.add_column("state")
         for stretch in stretches:
-            word, colour, _ = LOOK[stretch.state]
             frequency = damping = "-"
             if stretch.frequency_hz:
                 frequency = f"{statistics.median(stretch.frequency_hz):.0f} Hz"
@@ -216,6 +204,6 @@ class Timeline(Outlet):
                 frequency,
                 damping,
                 f"{100 * statistics.median(stretch.confidence):.0f} %" if stretch.confidence else "-",
-                Text(word, style=colour),
+                Text(STATES[stretch.state].word, style=STATES[stretch.state].style),
             )
         return table

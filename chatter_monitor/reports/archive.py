@@ -97,7 +97,7 @@ def archive_page(title: str, done: Mapping[str, Summary], broken: Mapping[str, s
     state: State = "self_excited" if chatter else "unknown" if broken else "stable"
     parts = [
         f"<h1>{text(title)}</h1>",
-        answer("Chatter:" if chatter else "No chatter:", sentence(done, broken), STATES[state][1]),
+        answer("Chatter:" if chatter else "No chatter:", sentence(done, broken), STATES[state].colour),
         numbers(
             [
                 ("recordings", str(len(done))),
@@ -134,10 +134,10 @@ def _figure(drawn: Sequence[tuple[str, Summary]]) -> Figure:
     axes = figure.subplots()
     whole = np.array([sum(summary.seconds(state) for state in STATES) or 1.0 for _, summary in drawn])
     left, places = np.zeros(len(drawn)), np.arange(len(drawn))
-    for state, (word, colour) in STATES.items():
+    for state, look in STATES.items():
         share = 100.0 * np.array([summary.seconds(state) for _, summary in drawn]) / whole
         if share.any():
-            axes.barh(places, share, 0.8, left, color=hex_colour(colour), lw=0, label=word)
+            axes.barh(places, share, 0.8, left, color=hex_colour(look.colour), lw=0, label=look.word)
             left += share
     axes.tick_params(labelsize="x-small")
     axes.set_xlabel("share / %", fontsize="small")

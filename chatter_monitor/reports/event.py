@@ -61,7 +61,7 @@ def event_page(
         f"<h1>Chatter at {recorded.peak_frequency_hz:.0f} Hz</h1>",
         f'<p class="soft">{text(recorded.machine)}, {text(recorded.onset_utc[:19].replace("T", " "))} UTC, '
         f"{text(recorded.id)}</p>",
-        answer("Chatter", told, STATES["self_excited"][1]),
+        answer("Chatter", told, STATES["self_excited"].colour),
         numbers(named),
         picture(
             _figure(verdicts, samples, rate_hz, before_s, recorded.peak_frequency_hz),
@@ -135,7 +135,7 @@ def _figure(
     _draw_spectrogram(axes[2], samples, rate_hz, onset_s, chatter_hz)
     _draw_damping(axes[3], verdicts, onset_s)
     for each in axes[1:]:
-        each.axvline(0.0, color=hex_colour(STATES["self_excited"][1]), lw=1.0)
+        each.axvline(0.0, color=hex_colour(STATES["self_excited"].colour), lw=1.0)
     axes[3].set(xlabel="time after the onset / s", xlim=(-onset_s, samples.size / rate_hz - onset_s))
     return figure
 
@@ -148,10 +148,10 @@ def _draw_lane(axes: Axes, verdicts: Sequence[Verdict], shift_s: float) -> None:
     for end in range(1, len(verdicts) + 1):
         if end == len(verdicts) or verdicts[end].state != verdicts[begin].state:
             span = (verdicts[begin].t0 + shift_s, verdicts[end - 1].t1 - verdicts[begin].t0)
-            axes.broken_barh([span], (0.0, 1.0), color=hex_colour(STATES[verdicts[begin].state][1]))
+            axes.broken_barh([span], (0.0, 1.0), color=hex_colour(STATES[verdicts[begin].state].colour))
             begin = end
     occurring = [state for state in STATES if any(v.state == state for v in verdicts)]
-    patches = [Patch(color=hex_colour(STATES[state][1]), label=STATES[state][0]) for state in occurring]
+    patches = [Patch(color=hex_colour(STATES[state].colour), label=STATES[state].word) for state in occurring]
     axes.legend(
         handles=patches,
         ncols=len(patches),
@@ -205,6 +205,6 @@ def _draw_damping(axes: Axes, verdicts: Sequence[Verdict], onset_s: float) -> No
     ends = 100.0 * np.array([v.damping_ratio_ci95 for v in known], float).reshape(-1, 2)
     axes.vlines(t, ends[:, 0], ends[:, 1], color=hex_colour(GREY), lw=0.7, alpha=0.6, label="95 %")
     axes.plot(t, damping, ".", ms=3.0, color="#1d1d1d", label="damping ratio")
-    axes.axhline(0.0, color=hex_colour(STATES["self_excited"][1]), lw=1.2, label="stability limit")
+    axes.axhline(0.0, color=hex_colour(STATES["self_excited"].colour), lw=1.2, label="stability limit")
     axes.set(ylabel="damping ratio / %", ylim=DAMPING_SHOWN_PERCENT)
     axes.legend(loc="upper right", ncols=3, frameon=False, fontsize="x-small")

@@ -158,10 +158,11 @@ def _answer(shift: Shift, chattered: float) -> str:
             f"{duration(chattered)} in {events}; the longest began at {worst.when} and was at "
             f"{worst.event.peak_frequency_hz:.0f} Hz."
         )
-        return answer("Chatter:", told, STATES["self_excited"][1])
+        return answer("Chatter:", told, STATES["self_excited"].colour)
     if any(seconds.get("unknown", 0.0) > 0.1 * sum(seconds.values()) for seconds in shift.seconds.values()):
-        return answer("No chatter was heard,", "but for much of the time nothing could be said.", STATES["unknown"][1])
-    return answer("No chatter.", "", STATES["stable"][1])
+        told = "but for much of the time nothing could be said."
+        return answer("No chatter was heard,", told, STATES["unknown"].colour)
+    return answer("No chatter.", "", STATES["stable"].colour)
 
 
 def _events(events: Iterable[ListedEvent]) -> list[str]:
@@ -193,10 +194,10 @@ def _figure(shift: Shift) -> Figure:
     figure = Figure(figsize=(6.6, 5.8), layout="constrained")
     lane, damping, margin = figure.subplots(3, 1, sharex=True, height_ratios=[1.1, 2.0, 1.6])
     below = np.zeros(len(shift.bins))
-    for state, (word, colour) in STATES.items():
+    for state, look in STATES.items():
         share = np.array([100.0 * b.seconds.get(state, 0.0) / (sum(b.seconds.values()) or 1.0) for b in shift.bins])
         if share.any():
-            lane.bar(begin, share, width, below, align="edge", color=hex_colour(colour), lw=0, label=word)
+            lane.bar(begin, share, width, below, align="edge", color=hex_colour(look.colour), lw=0, label=look.word)
             below += share
     lane.set(ylabel="share / %", ylim=(0.0, 100.0), xlim=(0.0, whole_s / per))
     lane.legend(
@@ -208,7 +209,7 @@ def _figure(shift: Shift) -> Figure:
         for values in ([100.0 * b.damping for b in shift.bins], [b.margin_percent for b in shift.bins])
     )
     damping.plot(middle, least, ".-", lw=0.6, ms=3, color=hex_colour(SKY_BLUE))
-    damping.axhline(0.0, color=hex_colour(STATES["self_excited"][1]), lw=1.2)
+    damping.axhline(0.0, color=hex_colour(STATES["self_excited"].colour), lw=1.2)
     damping.set(ylabel="least damping / %", ylim=(-2.0, 8.0))
     if np.isfinite(left).any():
         margin.plot(middle, left, ".-", lw=0.6, ms=3, color=hex_colour(GREY))

@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from chatter_monitor.outlets.look import SEVERITY, STATES
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.outlets.timeline import LOOK
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Event, Health, Odp, OdpFrame, State, Verdict
 
 REFRESH_S = 0.25
 
@@ -60,16 +60,13 @@ class Status(Outlet):
         """The sentence in the colour of its worst news."""
         health = self._health
         deaf = health is None or health.state != "hearing"
-        styles = ["magenta"] if deaf else [LOOK[verdict.state][1] for verdict in self._verdicts.values()]
-        return Text(self.sentence(), style=max(styles, key=_alarm, default=""), overflow="ellipsis", no_wrap=True)
-
-
-def _alarm(style: str) -> int:
-    return [look[1] for look in LOOK.values()].index(style)
+        states: list[State] = ["unknown"] if deaf else [verdict.state for verdict in self._verdicts.values()]
+        style = STATES[max(states, key=SEVERITY.index)].style if states else ""
+        return Text(self.sentence(), style=style, overflow="ellipsis", no_wrap=True)
 
 
 def _words(verdict: Verdict) -> str:
-    words = f"channel {verdict.channel}: {LOOK[verdict.state][0]}"
+    words = f"channel {verdict.channel}: {STATES[verdict.state].word}"
     if verdict.frequency_hz is not None and verdict.damping_ratio is not None:
         words += f", {verdict.frequency_hz:.0f} Hz, damping {100 * verdict.damping_ratio:.2f} %"
     return words

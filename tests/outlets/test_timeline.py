@@ -10,11 +10,12 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from chatter_monitor.outlets.timeline import LOOK, SEVERITY, STRIP_CELLS, Timeline
+from chatter_monitor.outlets.look import SEVERITY, STATES
+from chatter_monitor.outlets.timeline import STRIP_CELLS, Timeline
 from tests.messages import event, health, verdict
 
 INTERVAL_S = 0.05
-STATE = {letter: state for state, (_, _, letter) in LOOK.items()}
+STATE = {look.letter: state for state, look in STATES.items()}
 
 
 def fill(timeline, strip, channel=0):
@@ -35,7 +36,7 @@ def rows(strip):
     timeline = Timeline(1)
     fill(timeline, strip)
     lines = shown(timeline)
-    words = {word for word, _, _ in LOOK.values()}
+    words = {look.word for look in STATES.values()}
     table = [line.split() for line in lines[3:] if line.split() and line.split()[-1] in words]
     return [(float(row[0]), float(row[2]), row[-1]) for row in table]
 
@@ -113,8 +114,8 @@ def test_the_strip_fits_the_terminal():
 
 def test_severity_ranks_every_state():
     """Every state has a place among the others, a word and a letter of its own; the alarm is the worst."""
-    assert set(SEVERITY) == set(LOOK)
-    assert len(STATE) == len(LOOK)
+    assert set(SEVERITY) == set(STATES)
+    assert len(STATE) == len(STATES)
     assert SEVERITY[-1] == "self_excited"
 
 

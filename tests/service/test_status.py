@@ -45,6 +45,7 @@ def test_the_sentence():
 def test_the_colour_is_that_of_the_worst_news():
     """An alarm on one of the channels colours the line, and deafness does."""
     assert status(verdict(channel=1), LINE, health()).line().style == "bold red"
+    assert status(LINE, verdict(channel=1, state="unknown"), health()).line().style == "bold red"
     assert status(verdict(), health()).line().style == "green"
     assert status(verdict(), health(state="not_hearing")).line().style == "magenta"
 

@@ -55,11 +55,12 @@ class ChannelViews:
 
     def _style(self) -> None:
         """Names and colours of what does not depend on the number of modes."""
-        states = list(STATES)
         self._stream.static(
             f"verdict/channel_{self.channel}",
             rr.StateConfiguration(
-                values=states, labels=[STATES[s][0] for s in states], colors=[STATES[s][1] for s in states]
+                values=list(STATES),
+                labels=[look.word for look in STATES.values()],
+                colors=[look.colour for look in STATES.values()],
             ),
         )
         # dots, because the verdict may turn to another vibration from one interval to the next

@@ -18,7 +18,7 @@ MEANINGS = {
 
 def evidence(verdict: Verdict) -> str:
     """Markdown: the verdict, its numbers with their uncertainty, and why."""
-    lines = [f"# {STATES[verdict.state][0]}", MEANINGS[verdict.state], ""]
+    lines = [f"# {STATES[verdict.state].word}", MEANINGS[verdict.state], ""]
     if verdict.frequency_hz is not None:
         lines.append(f"- vibration at **{verdict.frequency_hz:.0f} Hz**")
     if verdict.damping_ratio is not None:
