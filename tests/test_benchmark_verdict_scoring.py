@@ -120,6 +120,20 @@ def test_reliability_finds_overconfidence():
     assert row["right"] == pytest.approx(right[scored].mean())
 
 
+def test_a_tone_called_forced_is_neither_right_nor_wrong():
+    """Of a cut with a tone from elsewhere `forced` counts only where the spindle forces most."""
+    state = np.full(LABELS.size, "forced")
+    row = next(r for r in reliability([heard(state, "hum")]) if r["verdicts"])
+    assert (row["verdicts"], row["right"]) == (np.sum(LABELS == Label.FORCED), 1.0)
+
+
+def test_the_surer_a_calm_verdict_the_lower_its_score():
+    """Alarms come by their confidence, warnings and the rest by what they are less than sure of."""
+    states, sure = ["self_excited"] * 2 + ["approaching"] * 2 + ["stable"] * 2, [0.95, 0.85, 0.1, 0.4, 0.6, 0.8]
+    score = Opinions(np.array(states), np.array(sure), *[np.zeros(6)] * 3).score
+    assert (np.diff(score) < 0.0).all()
+
+
 def test_margin_error_is_that_of_the_ratio():
     """A margin of 100 % says half the limit; at 0.4 of it that is 25 % too high."""
     assert margins([heard(PERFECT, "stable", margin=100.0)])["median_relative_error"] == pytest.approx(0.25)

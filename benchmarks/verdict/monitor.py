@@ -41,9 +41,9 @@ class Opinions:
 
     @property
     def score(self) -> Floats:
-        """How much speaks for self-excitation: alarms by confidence, then warnings, then the rest the other way."""
+        """How much speaks for self-excitation: alarms by confidence, then warnings, then the rest, the other way."""
         rank = np.where(self.state == "self_excited", 2.0, np.where(self.state == "approaching", 1.0, 0.0))
-        return np.asarray(np.where(rank > 0, rank + self.confidence, 1.0 - self.confidence))
+        return np.asarray(rank + np.where(rank == 2.0, self.confidence, 1.0 - self.confidence))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 SUDDEN = ("step", "forced_then_chatter")
+WITH_TONE = ("background_tone", "hum")
 EARLY_S = 0.5  # a false alarm so shortly before a crossing is named apart: it is early rather than wrong
 WARNING_S = 2.0  # a warning counts for so long before the amplitude has doubled
 LAG_S, LAG_PERIODS = 0.05, 30.0  # the longer is allowed
@@ -159,13 +160,16 @@ def reliability(heard: Iterable[Heard]) -> list[dict[str, float | None]]:
     """Of the verdicts given with a confidence, how many were right.
 
     Right is: self-excited where it is; forced where the truth is forced; anything else where it is neither.
-    ``unknown`` claims nothing and is left out.
+    ``unknown`` claims nothing and is left out, and so is ``forced`` in cuts with a tone from elsewhere, which is forced
+    but not by the spindle: the truth does not tell how much of the power it has.
     """
     confidence, right = [], []
     for h in heard:
         label, state = h.cut.truth.label, h.said.state
         said = np.where(h.alarm, Label.SELF_EXCITED, np.where(state == "forced", Label.FORCED, Label.OTHER))
         chosen = (label != Label.UNSCORED) & (state != "unknown")
+        if h.cut.family in WITH_TONE:
+            chosen &= (state != "forced") | (label == Label.FORCED)
         confidence.append(h.said.confidence[chosen])
         right.append((said == label)[chosen])
     given, good = (np.concatenate(c) if c else np.zeros(0) for c in (confidence, right))

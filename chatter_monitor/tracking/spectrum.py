@@ -23,6 +23,8 @@ DECIBELS = 10.0 / math.log(10.0)
 LINES = 5
 # What is below is offset and drift.
 LOWEST_HZ = 50.0
+# Coefficient of variation of the modulus of narrow-band noise, which is Rayleigh distributed.
+NOISE_VARIATION = math.sqrt(4.0 / math.pi - 1.0)
 
 
 class Line(NamedTuple):
@@ -37,7 +39,7 @@ class Line(NamedTuple):
     prominence_db : float
         Over the level around it.
     variation : float
-        Coefficient of variation of its amplitude over half a second: 0.52 for a mode that noise drives for long.
+        Coefficient of variation of its amplitude over half a second, zero as long as it is not known.
     growth_per_s : float
         Rate at which its amplitude grows, over the last 150 ms.
     rise, long_rise : float
@@ -58,6 +60,16 @@ class Line(NamedTuple):
     long_rise: float
     absolute_rise: float
     coherence: float
+
+    @property
+    def steady_share(self) -> float:
+        """Share of the power that is in this line and does not come and go as that of noise does.
+
+        The modulus of noise varies by `NOISE_VARIATION`; that of a tone in noise is Rician, and of a tone that has the
+        share s of the line about s^2 is heard as steady. So what noise looks like by chance counts little.
+        """
+        known = 0.0 < self.variation < NOISE_VARIATION
+        return self.share * (1.0 - (self.variation / NOISE_VARIATION) ** 2) if known else 0.0
 
     @property
     def damping_ratio(self) -> float:

@@ -22,14 +22,16 @@ DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 
 # From this share of the power on, what turns with the spindle comes before a warning.
 MOST = 0.5
-# How likely a cut is forced by the share of the power that is heard as such, fitted to development cuts: with next to
-# none of it and with all; the share half-way between the two, and how far from it the odds change e-fold.
-FORCED_WITH_NONE, FORCED_WITH_ALL = 0.19, 0.84
-HALF_WAY, SHARE_DOUBT = 0.22, 0.1
+# How likely more than half of the power is forced, by the share that is heard as such, fitted to development cuts without
+# tones from elsewhere: with none of it; the share half-way to certainty, and how far from it the odds change e-fold.
+FORCED_WITH_NONE = 0.06
+HALF_WAY, SHARE_DOUBT = 0.33, 0.11
+# Of the warnings that come long before an alarm, so many were right, likewise: the others were late, or forced.
+WARNING_RIGHT = 0.4
 # By so much the share may be below the border before what was called forced is not any more, and the other way round.
 HYSTERESIS = 0.05
-# Weight of an interval in the average of the shares: a second of intervals.
-AVERAGING = 0.05
+# Weight of an interval in the average of the shares: what is said does not flicker.
+AVERAGING = 0.15
 
 # Relative distance within which frequencies belong to one vibration.
 SAME_VIBRATION = 0.1
@@ -57,7 +59,7 @@ class JudgeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Probability with which damping or margin has to be below its threshold.
     forced_share : float
         Share of the power that is heard as forced from which on the cut is called forced. Only what is steady is heard
-        as such, about half of what teeth do.
+        as such, some two thirds of what teeth do.
     idle_ratio : float
         Below this share of the loudest level of the last minute, nothing is being cut.
     """
@@ -68,7 +70,7 @@ class JudgeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     approaching_damping: Positive = 0.003
     approaching_margin_percent: Positive = 15.0
     certainty: Probability = 0.9
-    forced_share: Probability = 0.27
+    forced_share: Probability = 0.25
     idle_ratio: Probability = 0.003
 
     def __post_init__(self) -> None:
@@ -90,9 +92,9 @@ class Memory(NamedTuple):
     vibrations : tuple of Followed
         What each vibration is, the most suspicious first.
     synchronous : float
-        Share of the power that turns with the spindle, averaged over the last second.
-    steady : float
-        Share of the power in other lines that are forced, averaged likewise.
+        Share of the power that turns with the spindle, averaged over some intervals.
+    forced_share : float
+        That of all that is forced, averaged likewise.
     forced : bool
         Whether the last interval was called forced.
     """
@@ -100,7 +102,7 @@ class Memory(NamedTuple):
     loudest: float = 0.0
     vibrations: tuple[Followed, ...] = ()
     synchronous: float = 0.0
-    steady: float = 0.0
+    forced_share: float = 0.0
     forced: bool = False
 
     @property
@@ -125,15 +127,15 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
         return Opinion("self_excited", alarm.self_excited, _why_chatter(alarm), alarm.heard)
     suspect = next((v for v in memory.vibrations if v.heard is not None), None)
     calm = 1.0 - max((v.self_excited for v in memory.vibrations), default=0.0)
-    share, strongest = memory.synchronous + memory.steady, _strongest_forced(memory)
-    forced = _forced_by(share)
+    forced = _forced_by(memory.forced_share)
     if memory.synchronous > MOST:
         return Opinion("forced", calm * forced, _why_forced(evidence))
     if suspect is not None and suspect.self_excited >= settings.warning_probability:
         why = f"{_line(suspect)} begins to grow by itself; not certain yet"
-        return Opinion("approaching", calm, (why,), suspect.heard)
-    if share > settings.forced_share + (-HYSTERESIS if memory.forced else HYSTERESIS):
-        if strongest is None or memory.synchronous > memory.steady:
+        return Opinion("approaching", WARNING_RIGHT * calm, (why,), suspect.heard)
+    if memory.forced_share > settings.forced_share + (-HYSTERESIS if memory.forced else HYSTERESIS):
+        strongest = _steadiest(memory)
+        if strongest is None or memory.synchronous > 0.5 * memory.forced_share:
             return Opinion("forced", calm * forced, _why_forced(evidence))
         return Opinion("forced", calm * forced, _why_steady(strongest), strongest.heard)
     return _stable_or_near(evidence, memory, calm * (1.0 - forced), settings)
@@ -141,13 +143,13 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
 
 def _forced_by(share: float) -> float:
     """Probability that more than half of the power is forced, by the share that is heard as such."""
-    return FORCED_WITH_NONE + (FORCED_WITH_ALL - FORCED_WITH_NONE) / (1.0 + math.exp((HALF_WAY - share) / SHARE_DOUBT))
+    return FORCED_WITH_NONE + (1.0 - FORCED_WITH_NONE) / (1.0 + math.exp((HALF_WAY - share) / SHARE_DOUBT))
 
 
-def _strongest_forced(memory: Memory) -> Followed | None:
-    """Of the vibrations that are heard and more likely forced than not, the one with most power."""
-    forced = [(v.heard.line.share, v) for v in memory.vibrations if v.heard is not None and v.forced > 0.5]
-    return max(forced, key=lambda pair: pair[0], default=(0.0, None))[1]
+def _steadiest(memory: Memory) -> Followed | None:
+    """Of the vibrations that are heard, the one with most steady power."""
+    steady = [(v.heard.line.steady_share, v) for v in memory.vibrations if v.heard is not None]
+    return max(steady, key=lambda pair: pair[0], default=(0.0, None))[1]
 
 
 def _stable_or_near(evidence: Evidence, memory: Memory, sure: float, settings: JudgeSettings) -> Opinion:
@@ -155,13 +157,13 @@ def _stable_or_near(evidence: Evidence, memory: Memory, sure: float, settings: J
     margin, mode = evidence.margin, evidence.critical
     if margin.margin_ci95 is not None and margin.margin_ci95[1] < settings.approaching_margin_percent:
         why = f"only {max(margin.margin_percent or 0.0, 0.0):.0f} % more depth before it chatters"
-        return Opinion("approaching", settings.certainty, (why,))
+        return Opinion("approaching", WARNING_RIGHT * sure, (why,))
     if mode is None:
         return Opinion("stable", sure, ("no mode stands out",))
     near = probability_below(mode, settings.approaching_damping)
     where = f"damping {_percent(mode)} at {mode.frequency_hz:.0f} Hz"
     if near >= settings.certainty and not _is_forced(mode, memory):
-        return Opinion("approaching", near, (where,))
+        return Opinion("approaching", WARNING_RIGHT * sure, (where,))
     return Opinion("stable", sure, (where,))
 
 
@@ -256,12 +258,10 @@ class Judge:
         """Follow what an interval shows."""
         rules = Rules(self._settings.alarm_probability, self._settings.calm_probability)
         vibrations = self._following.follow(evidence, rules)
-        now = evidence.orders.synchronous_share
-        steady = sum(v.forced * v.heard.line.share for v in vibrations if v.heard is not None and v.forced > 0.5)
         return memory._replace(
             vibrations=vibrations,
-            synchronous=memory.synchronous + AVERAGING * (now - memory.synchronous),
-            steady=memory.steady + AVERAGING * (min(steady, 1.0 - now) - memory.steady),
+            synchronous=memory.synchronous + AVERAGING * (evidence.orders.synchronous_share - memory.synchronous),
+            forced_share=memory.forced_share + AVERAGING * (evidence.forced_share - memory.forced_share),
         )
 
     def _hear(self, level: float) -> Memory:

@@ -53,6 +53,15 @@ def test_a_mode_that_noise_drives_loses_coherence_as_its_damping_says():
     assert np.median([line.frequency_hz for line in seen]) == pytest.approx(frequency_hz, abs=5.0)
 
 
+@pytest.mark.parametrize(("tone", "least", "most"), [(0.0, 0.0, 0.2), (1.0, 0.2, 0.4), (3.0, 0.7, 0.9), (8.0, 0.95, 1.0)])
+def test_the_steady_share_of_a_line_tells_a_tone_from_noise(tone, least, most):
+    """Of a tone among noise as narrow, about the square of the tone's share of the power is heard as steady."""
+    t = times(20.0)
+    signal = tone * math.sqrt(2.0) * np.sin(2.0 * np.pi * 505.0 * t) + vibration(len(t), [(500.0, 0.02)])
+    seen = [lines[0] for lines in frames(signal)[20:]]
+    assert least <= np.mean([line.steady_share / line.share for line in seen]) <= most
+
+
 @pytest.mark.parametrize("rate_per_s", [20.0, -10.0])
 def test_exponential_growth_is_found(rate_per_s):
     """An amplitude exp(g t) reads g within 3 %."""

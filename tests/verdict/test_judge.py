@@ -170,9 +170,9 @@ def test_a_small_line_does_not_make_a_cut_forced():
 
 
 def test_mostly_synchronous_is_forced():
-    """When most of the power turned with the spindle over half a second, the cut is forced, by its strongest line."""
+    """When most of the power has turned with the spindle for some intervals, the cut is forced, by its strongest line."""
     seen = judged(*[evidence(orders=TURNING, critical=mode())] * 40)
-    assert [verdict.state for verdict in seen[:3]] == ["stable"] * 3
+    assert [verdict.state for verdict in seen[:2]] == ["stable"] * 2
     assert (seen[-1].state, seen[-1].frequency_hz, seen[-1].order) == ("forced", 993.6, pytest.approx(36.0))
     assert seen[-1].reasons == ["90 % of the power is in multiples of 27.6 Hz (found): 36 x, 6 x"]
 
@@ -305,23 +305,25 @@ def test_changed_thresholds_keep_what_is_remembered():
     [
         (Kinds(0.05, 0.9, 0.03, 0.02), 1.0, 3, "self_excited", 0.93),
         (Kinds(0.05, 0.9, 0.05, 0.0), 0.9, 3, "self_excited", 0.855),
-        (Kinds(0.6, 0.2, 0.0, 0.2), 1.0, 0, "approaching", 0.8),
+        (Kinds(0.6, 0.2, 0.0, 0.2), 1.0, 0, "approaching", 0.32),
     ],
 )
 def test_an_alarm_is_as_sure_as_the_chain(kinds, unexplained, alarm_for, state, confidence):
-    """An opinion is as sure as it is that the vibration has risen and that nothing that turns explains it."""
+    """An alarm is as sure as it is that the vibration has risen unexplained; of warnings, two in five are right."""
     vibration = Followed(HZ, kinds, unexplained=unexplained, alarm_for=alarm_for, heard=steady())
     view = opinion(evidence(steady()), Memory(1.0, (vibration,)), JudgeSettings())
     assert (view.state, view.confidence) == (state, pytest.approx(confidence))
 
 
 def test_forced_and_stable_are_as_sure_as_the_share_tells():
-    """With next to nothing heard as forced one cut in four is, with all of it five in six are; it does not flicker."""
+    """With next to nothing heard as forced one cut in ten is, with two thirds of it all are; it does not flicker."""
     border = JudgeSettings().forced_share
-    views = [opinion(evidence(), Memory(1.0, (), share), JudgeSettings()) for share in (0.0, border, 0.45, 1.0)]
+    heard = [Memory(1.0, (), forced_share=share) for share in (0.0, border, 0.45, 0.7)]
+    views = [opinion(evidence(), memory, JudgeSettings()) for memory in heard]
     assert [view.state for view in views] == ["stable", "stable", "forced", "forced"]
-    assert [view.confidence for view in views] == pytest.approx([0.75, 0.41, 0.78, 0.84], abs=0.01)
-    assert opinion(evidence(), Memory(1.0, (), border - 0.04, forced=True), JudgeSettings()).state == "forced"
+    assert [view.confidence for view in views] == pytest.approx([0.90, 0.63, 0.77, 0.97], abs=0.01)
+    before = Memory(1.0, (), forced_share=border - 0.04, forced=True)
+    assert opinion(evidence(), before, JudgeSettings()).state == "forced"
 
 
 vibrations = st.lists(
