@@ -22,8 +22,9 @@ DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 
 # From this share of the power on, what turns with the spindle comes before a warning.
 MOST = 0.5
-# How likely more than half of the power is forced, by the share that is heard as such, fitted to development cuts without
-# tones from elsewhere: with none of it; the share half-way to certainty, and how far from it the odds change e-fold.
+# How likely more than half of the power is forced, by the share that is heard as such, fitted to development cuts
+# without tones from elsewhere: with none of it; the share half-way to certainty, and how far from it the odds change
+# e-fold.
 FORCED_WITH_NONE = 0.06
 HALF_WAY, SHARE_DOUBT = 0.33, 0.11
 # Of the warnings that come long before an alarm, so many were right, likewise: the others were late, or forced.

@@ -53,7 +53,9 @@ def test_a_mode_that_noise_drives_loses_coherence_as_its_damping_says():
     assert np.median([line.frequency_hz for line in seen]) == pytest.approx(frequency_hz, abs=5.0)
 
 
-@pytest.mark.parametrize(("tone", "least", "most"), [(0.0, 0.0, 0.2), (1.0, 0.2, 0.4), (3.0, 0.7, 0.9), (8.0, 0.95, 1.0)])
+@pytest.mark.parametrize(
+    ("tone", "least", "most"), [(0.0, 0.0, 0.2), (1.0, 0.2, 0.4), (3.0, 0.7, 0.9), (8.0, 0.95, 1.0)]
+)
 def test_the_steady_share_of_a_line_tells_a_tone_from_noise(tone, least, most):
     """Of a tone among noise as narrow, about the square of the tone's share of the power is heard as steady."""
     t = times(20.0)

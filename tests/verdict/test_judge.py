@@ -170,7 +170,7 @@ def test_a_small_line_does_not_make_a_cut_forced():
 
 
 def test_mostly_synchronous_is_forced():
-    """When most of the power has turned with the spindle for some intervals, the cut is forced, by its strongest line."""
+    """When most of the power has turned with the spindle for a while, the cut is forced, by its strongest line."""
     seen = judged(*[evidence(orders=TURNING, critical=mode())] * 40)
     assert [verdict.state for verdict in seen[:2]] == ["stable"] * 2
     assert (seen[-1].state, seen[-1].frequency_hz, seen[-1].order) == ("forced", 993.6, pytest.approx(36.0))
