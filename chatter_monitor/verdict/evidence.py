@@ -75,10 +75,14 @@ class Vibration(NamedTuple):
     teeth: Place | None = None
 
     @property
+    def place(self) -> Place | None:
+        """Among the multiples of the rotation, or of the teeth where those are too dense; None where both are."""
+        return next((place for place in (self.rotation, self.teeth) if place is not None and place.telling), None)
+
+    @property
     def on_order(self) -> bool:
-        """Whether it is on an order: of the teeth, where those of the rotation cannot be told apart."""
-        places = [place for place in (self.rotation, self.teeth) if place is not None and place.telling]
-        return bool(places) and places[0].near
+        """Whether it is on an order."""
+        return self.place is not None and self.place.near
 
     @property
     def damping_ratio(self) -> float:

@@ -122,19 +122,15 @@ def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
 
 def order_odds(vibration: Vibration, orders: Orders, odds: Odds) -> float:
     """Log odds for self-excitation by its place among the orders: chatter may be anywhere, forced lines are not."""
-    rotation, teeth = vibration.rotation, vibration.teeth
-    if rotation is None or teeth is None:
+    teeth, place = vibration.teeth, vibration.place
+    if teeth is None:
         return odds.unknown_speed
-    if not teeth.telling:
+    if place is None:
         return 0.0
     at_teeth = FORCED_AT_TEETH * teeth.near / teeth.by_chance
-    if rotation.telling:
-        elsewhere = FORCED_AT_ROTATION * rotation.near / rotation.by_chance
-        off = 0.0 if rotation.near else 1.0 / (1.0 - rotation.by_chance)
-    else:
-        elsewhere = FORCED_AT_ROTATION * teeth.near / teeth.by_chance
-        off = 0.0 if teeth.near else 1.0 / (1.0 - teeth.by_chance)
-    forced = at_teeth + elsewhere + FORCED_OFF_ORDERS * off
+    at_rotation = FORCED_AT_ROTATION * place.near / place.by_chance
+    off_orders = FORCED_OFF_ORDERS * (not place.near) / (1.0 - place.by_chance)
+    forced = at_teeth + at_rotation + off_orders
     if orders.source == "found" and forced < 1.0:  # what was found may be another machine's comb
         return odds.off_found
     return -math.log(forced)
