@@ -80,7 +80,7 @@ def event_page(
 def _remedy(recorded: RecordedEvent) -> str:
     if recorded.advice:
         return f"Try {recorded.advice[0].spindle_rpm:.0f} rpm."
-    return "No other speed promises more."
+    return f"{recorded.remedy[:1].upper()}{recorded.remedy[1:]}." if recorded.remedy else ""
 
 
 def _clock(utc: str) -> str:

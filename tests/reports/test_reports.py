@@ -8,10 +8,13 @@ import re
 from html.parser import HTMLParser
 from xml.etree import ElementTree as ET
 
+import msgspec
+import numpy as np
 import pytest
 
 from chatter_monitor.outlets.event_files import read
 from chatter_monitor.records import Event, Verdict
+from chatter_monitor.reports.event import event_page
 from chatter_monitor.reports.shift import MOST_BINS, Shift, shift_page
 from chatter_monitor.service.reporting import report_event, report_shift
 
@@ -89,6 +92,16 @@ def test_the_event_report_answers_the_questions(event_report, entry):
     ):
         assert words in event_report.text, words
     assert re.search(r"9\d % sure", event_report.text)
+
+
+def test_where_no_speed_can_be_advised(entry):
+    """The answer is the advice that there is: without a known speed nobody claims that no other one is better."""
+    nothing = "no speed can be advised: neither the spindle's speed nor its range is known"
+    recorded = msgspec.structs.replace(read(entry.json), advice=[], remedy=nothing)
+    rate_hz = recorded.sample_rate_hz
+    seen = Seen(event_page(recorded, [verdict(0.0)], np.ones(round(rate_hz)), rate_hz))
+    [told] = re.findall(r"Hz\. (No .*?\.)", seen.text)
+    assert told == f"N{nothing[1:]}."
 
 
 def test_names_are_text(event_report):
