@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTHON ?= python3
 
-.PHONY: demo test test-fast check docs pages bench paper pictures recordings setup clean install-service uninstall-service
+.PHONY: demo test test-fast check docs pages bench bench-all paper pictures recordings setup clean install-service uninstall-service
 
 demo: $(READY)
 	@$(BIN)/chatter-monitor replay replay_data/bar_turning.flac --config config/lathe.toml
@@ -22,13 +22,21 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# What each part costs next to yardsticks and how the cost grows, into docs/performance.json, and the page of it.
+# About ten minutes; other work on the machine makes the figures worse, and the page says how much there was.
 bench: $(READY)
+	nice -n 10 $(BIN)/python -m benchmarks
+	$(BIN)/python -m docs.performance
+
+# The other benchmarks: accuracy, latency, memory, archives, fleet. Hours.
+bench-all: bench
 	$(BIN)/python -m benchmarks.tracker_speed
 	$(BIN)/python -m benchmarks.chain
 	$(BIN)/python -m benchmarks.tracker_accuracy
 	$(BIN)/python -m benchmarks.orders
 	$(BIN)/python -m benchmarks.simulator
 	$(BIN)/python -m benchmarks.identification
+	$(BIN)/python -m benchmarks.discrepancy
 	$(BIN)/python -m benchmarks.latency
 	$(BIN)/python -m benchmarks.memory --hours 1
 	$(BIN)/python -m benchmarks.margin

@@ -17,7 +17,7 @@ from chatter_monitor.records import Health
 WAIT_S = 3.0  # health comes every second
 
 
-def newest_health(publish: PublishSettings, control: ControlSettings, wait_s: float = WAIT_S) -> Health:
+def newest_health(publish: PublishSettings, control: ControlSettings, wait_s: float) -> Health:
     """Health of the monitor that runs with this configuration, not older than a second.
 
     Parameters

@@ -23,7 +23,7 @@ from chatter_monitor.acquisition.sound_card import CEILING, WRONG_RATE_PPM
 from chatter_monitor.config import Settings, load
 from chatter_monitor.errors import ChatterMonitorError, EnvironmentFault, InputError
 from chatter_monitor.kernels import CACHE_DIRECTORY, is_compiled
-from chatter_monitor.outlets.inquiry import newest_health
+from chatter_monitor.outlets.inquiry import WAIT_S, newest_health
 
 PACKAGES = ("numpy", "scipy", "numba", "sounddevice", "soundfile", "soxr", "pyzmq", "msgspec", "pyarrow")
 LISTEN_S = 1.0
@@ -52,10 +52,10 @@ class Finding(msgspec.Struct, frozen=True):
     remedy: str | None = None
 
 
-def running(settings: Settings) -> Finding:
+def running(settings: Settings, wait_s: float = WAIT_S) -> Finding:
     """Whether the monitor that runs with this configuration hears: the health check of service and container."""
     try:
-        health = newest_health(settings.publish, settings.control)
+        health = newest_health(settings.publish, settings.control, wait_s)
     except EnvironmentFault as fault:
         return _wrong("running monitor", fault)
     reasons = "; ".join(health.reasons)
@@ -66,7 +66,9 @@ def running(settings: Settings) -> Finding:
     )
 
 
-def examine(configs: Sequence[Path], opener: Callable[[Settings], Opener] | None = None) -> Iterator[Finding]:
+def examine(
+    configs: Sequence[Path], opener: Callable[[Settings], Opener] | None = None, wait_s: float = WAIT_S
+) -> Iterator[Finding]:
     """Look at everything that the monitor needs, one thing after the other.
 
     Parameters
@@ -75,6 +77,8 @@ def examine(configs: Sequence[Path], opener: Callable[[Settings], Opener] | None
         Machine configuration.
     opener : callable, optional
         Devices for some settings; PortAudio's by default.
+    wait_s : float
+        For how long to wait for a running monitor.
     """
     packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     yield Finding("packages", "ok", f"Python {platform.python_version()}, {packages}")
@@ -87,7 +91,7 @@ def examine(configs: Sequence[Path], opener: Callable[[Settings], Opener] | None
         yield Finding("configuration", "ok", ", ".join(map(str, configs)) or "none given; the defaults hold")
     yield _kernels()
     yield _recorder(settings)
-    runs = running(settings)
+    runs = running(settings, wait_s)
     if runs.state == "ok" or "does not hear" in runs.found:
         yield runs
         yield Finding("ports", "ok", "in use by the running monitor")

@@ -37,7 +37,7 @@ def config(tmp_path):
 
 
 def examined(config, samples):
-    return {finding.check: finding for finding in doctor.examine([config], lambda _: PlayingDevices(samples))}
+    return {finding.check: finding for finding in doctor.examine([config], lambda _: PlayingDevices(samples), 0.1)}
 
 
 def noise(scale=0.1, channels=1):
@@ -79,7 +79,7 @@ def test_a_device_that_hangs(config, monkeypatch):
             time.sleep(1.0)
             return super().choose()
 
-    found = {finding.check: finding for finding in doctor.examine([config()], lambda _: Hanging())}
+    found = {finding.check: finding for finding in doctor.examine([config()], lambda _: Hanging(), 0.1)}
     assert found["device"].found == "it does not answer."
 
 
@@ -132,10 +132,8 @@ def test_the_health_check(run, config, state, code):
     assert "the reason" in answer["findings"][0]["found"]
 
 
-def test_the_health_check_without_a_monitor(run, config, monkeypatch):
+def test_the_health_check_without_a_monitor(run, config):
     """Where nobody publishes the health check fails, and says where it has listened."""
-    monkeypatch.setattr("chatter_monitor.outlets.inquiry.WAIT_S", 0.1)
-    monkeypatch.setattr("chatter_monitor.outlets.inquiry.newest_health.__defaults__", (0.1,))
     code, out, err = run("doctor", "--running", "--config", config())
     assert (code, err) == (3, "")
     assert out.startswith("WRONG  running monitor: no monitor has said anything")

@@ -87,7 +87,7 @@ def test_a_replay_says_what_it_hears_on_a_terminal_only(tmp_path, terminal):
         with contextlib.suppress(OSError):  # how a terminal ends whose program has gone
             while piece := os.read(seen, 65536):
                 said += piece
-        assert process.wait(60) == 0
+        assert process.wait(200) == 0
     os.close(seen)
     if terminal:
         assert re.search(rb"\x1b\[1;31m[^\x1b]*CHATTER, 3\d\d Hz", said)
