@@ -42,12 +42,12 @@ from chatter_monitor.acquisition.portaudio import Opener, PortAudio
 from chatter_monitor.acquisition.sound_card import SoundCard
 from chatter_monitor.config import load
 from chatter_monitor.errors import ChatterMonitorError
-from chatter_monitor.kernels import is_compiled
 from chatter_monitor.outlets.control import Control
 from chatter_monitor.outlets.event_store import EventWriter
 from chatter_monitor.outlets.metrics import Metrics
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.publisher import Publisher
+from chatter_monitor.service.compiling import what_takes_long
 from chatter_monitor.service.heap import keep_flat
 from chatter_monitor.service.journal import Story
 from chatter_monitor.service.monitor import Monitor
@@ -167,8 +167,8 @@ class Daemon:
                     open_recorder(settings, store, card.channels, source_rate_hz, utc_of=clock.utc_of, patient=False)
                 )
             )
-            if not is_compiled():
-                self._say("compiling the kernels for this machine; this happens once and takes about half a minute")
+            if (first := what_takes_long()) is not None:
+                self._say(first)
             monitor = Monitor(
                 settings,
                 card,

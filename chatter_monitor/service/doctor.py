@@ -131,7 +131,7 @@ def _kernels() -> Finding:
             "Set NUMBA_CACHE_DIR to a directory that can be.",
         )
     if not is_compiled():
-        return Finding("kernels", "note", "not compiled yet: the first start takes half a minute longer")
+        return Finding("kernels", "note", "not compiled yet: the first start takes about a minute longer")
     return Finding("kernels", "ok", f"compiled, in {CACHE_DIRECTORY}")
 
 

@@ -22,7 +22,6 @@ from chatter_monitor.acquisition.resample import Resampled
 from chatter_monitor.acquisition.source import Source
 from chatter_monitor.config import Settings
 from chatter_monitor.errors import EnvironmentFault
-from chatter_monitor.kernels import is_compiled
 from chatter_monitor.outlets.control import Control
 from chatter_monitor.outlets.event_files import recorded_event
 from chatter_monitor.outlets.event_store import EventWriter
@@ -31,6 +30,7 @@ from chatter_monitor.outlets.odp_table import OdpTable
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.publisher import Clock, Publisher
 from chatter_monitor.outlets.timeline import Timeline
+from chatter_monitor.service.compiling import what_takes_long
 from chatter_monitor.service.monitor import Monitor
 from chatter_monitor.service.recorder import open_recorder
 from chatter_monitor.service.status import Status
@@ -197,8 +197,8 @@ def _progress(total: int | None, status: Status) -> Iterator[_Advance]:
     It says so when kernels must be compiled first.
     """
     console = Console(stderr=True)
-    if not is_compiled():
-        console.print("Compiling the kernels for this machine; this happens once and takes about half a minute.")
+    if (first := what_takes_long()) is not None:
+        console.print(f"{first.capitalize()}.")
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
     with Progress(
         *columns,

@@ -14,12 +14,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from chatter_monitor.errors import ChatterMonitorError, EnvironmentFault, InputError
-from chatter_monitor.kernels import is_compiled
 from chatter_monitor.reports.archive import HEADINGS, Summary, archive_page, row, sentence, worst_first
 from chatter_monitor.service.archive.dataset import DataSet
 from chatter_monitor.service.archive.job import Job, Outcome, claim
 from chatter_monitor.service.archive.recordings import find
 from chatter_monitor.service.archive.spread import in_processes, on_cluster, processors
+from chatter_monitor.service.compiling import what_takes_long
 
 PAGE = "report.html"
 SHOWN = 20
@@ -140,8 +140,8 @@ class Replayed:
 def _progress(total: int) -> Iterator[Callable[[Outcome], Outcome]]:
     """Progress on standard error, only where a person looks at it."""
     console = Console(stderr=True)
-    if not is_compiled():
-        console.print("Compiling the kernels for this machine; this happens once and takes about half a minute.")
+    if (first := what_takes_long()) is not None:
+        console.print(f"{first.capitalize()}.")
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("replaying", total=total)
