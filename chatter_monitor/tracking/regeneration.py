@@ -188,15 +188,20 @@ class Fit:
     ----------
     theta : ndarray of float64, shape (7,)
         Parameters in the order of `kernels.regeneration`.
-    covariance : ndarray of float64, shape (7, 7)
-        Inverse of the information, prior included.
+    information : ndarray of float64, shape (7, 7)
+        Expected Hessian of the negative log-posterior.
     value : float
         Negative log-posterior.
     """
 
     theta: Array
-    covariance: Array
+    information: Array
     value: float
+
+    @property
+    def covariance(self) -> Array:
+        """Of the parameters, shape (7, 7); infinite where the information does not determine them."""
+        return covariance_of(self.information)
 
 
 def fit(band: Band, prior: Prior, start: Array, steps: int = _STEPS) -> Pieces[Fit]:
@@ -210,7 +215,7 @@ def fit(band: Band, prior: Prior, start: Array, steps: int = _STEPS) -> Pieces[F
     at_once = max(1, _BINS_AT_ONCE // bins)
     while climb(theta, likelihood, at_once, space, information, progress):
         yield at_once * bins
-    return Fit(theta, covariance_of(information), float(progress[VALUE]))
+    return Fit(theta, information, float(progress[VALUE]))
 
 
 def covariance_of(information: Array) -> Array:
