@@ -101,6 +101,9 @@ class OdpFrame:
     signal : ndarray of float64, shape (n,)
         What the model was fitted to: without offset, in the source's units; NaN where samples are missing. It stays in
         the process: frames that a subscriber receives have none.
+    hold : ndarray of int64, shape (modes,)
+        For how many rows in a row a value of each mode slot stands, because it comes from a recursion at a lower rate.
+        It stays in the process, too.
     """
 
     channel: int
@@ -116,6 +119,7 @@ class OdpFrame:
     lost: int = 0
     flags: Flag = field(default=Flag.NONE)
     signal: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    hold: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
     def __len__(self) -> int:
         return int(self.frequency_hz.shape[0])

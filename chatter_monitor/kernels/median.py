@@ -33,7 +33,7 @@ def median(values):
 
 
 @njit(**OPTIONS)
-def medians_where(columns, status, wanted, values, medians, counts):
+def medians_where(columns, status, hold, wanted, values, medians, counts):
     """Median of columns over the rows with a wanted status, and how often there is each status.
 
     Parameters
@@ -42,6 +42,8 @@ def medians_where(columns, status, wanted, values, medians, counts):
         The values; those that are NaN do not count.
     status : ndarray of uint8, shape (n, modes)
         Of each value.
+    hold : ndarray of int64, shape (modes,)
+        For how many rows a value stands, the first row's to begin with: it is looked at once.
     wanted : int
         Rows with another status are left out.
     values : ndarray of float32, shape (n,)
@@ -49,16 +51,16 @@ def medians_where(columns, status, wanted, values, medians, counts):
     medians : ndarray of float64, shape (modes, columns)
         The result; NaN where no more than half of the rows have the wanted status.
     counts : ndarray of int64, shape (modes, kinds of status)
-        The result.
+        The result, in rows.
     """
     rows, modes = status.shape
     for m in range(modes):
         counts[m, :] = 0
-        for t in range(rows):
-            counts[m, status[t, m]] += 1
+        for t in range(0, rows, hold[m]):
+            counts[m, status[t, m]] += min(hold[m], rows - t)
         for i in range(len(columns)):
             found = 0
-            for t in range(rows):
+            for t in range(0, rows, hold[m]):
                 if status[t, m] == wanted and not math.isnan(columns[i][t, m]):
                     values[found] = columns[i][t, m]
                     found += 1

@@ -160,6 +160,8 @@ class Monitor:
                     self._deliver(observation)
             if len(block.samples):
                 self._tally.latencies_s.append(self._clock() - (began if block.arrived_s is None else block.arrived_s))
+            for channel in self._channels:  # now that all verdicts are out
+                channel.digest()
             while end >= health_due:
                 self._send(self._health(health_due / self._source.sample_rate_hz, finished=False))
                 health_due += self._source.sample_rate_hz

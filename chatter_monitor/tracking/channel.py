@@ -101,6 +101,15 @@ class Channel:
         self._waiting.extend(orders)
         yield from self._observations(self._tracker.process(first_sample, residual, flags))
 
+    def digest(self) -> None:
+        """Do what an interval leaves to be done: learn from it, look for combs, fit the margin.
+
+        Nothing that is told of that interval depends on it. It is done before the next sample in any case; whoever
+        calls this chooses a moment when nobody waits for a verdict.
+        """
+        self._orders.digest()
+        self._margin.digest()
+
     def finish(self) -> Iterator[Observation]:
         """Yield what remains as a last, shorter interval."""
         self._waiting.extend(self._orders.finish())

@@ -162,9 +162,9 @@ def _percent(ratio: float) -> float:
 class MarginTracker:
     """Regeneration of one channel: blocks in, a margin for every frame out.
 
-    Frames are those of the `Tracker`. Every twenty of them a fit begins, unless one is under way. It is shared out over
-    the frames, and its margin holds from its end until that of the next. Spindle harmonics should have been removed
-    from the signal; what is left of them is kept out of the fit.
+    Frames are those of the `Tracker`. After every twenty of them a fit begins, unless one is under way. It is shared
+    out over the frames, and its margin holds from its end until that of the next. Spindle harmonics should have been
+    removed from the signal; what is left of them is kept out of the fit.
 
     Parameters
     ----------
@@ -193,7 +193,9 @@ class MarginTracker:
         )
         self._turn = turn % TURNS
         self._samples = 0
-        self._rotation_hz: float | None = None
+        self._undigested = False  # whether a frame has ended
+        self._latest_hz: float | None = None  # speed in it
+        self._rotation_hz: float | None = None  # with which the average began
         self._margin = Margin(reason="the spindle speed is unknown")
         self._uncertainty = settings.speed_uncertainty
         self._renewed = False
@@ -214,9 +216,11 @@ class MarginTracker:
         rotation_sd_hz : float, optional
             Its standard deviation, if that is larger than the settings' uncertainty.
         """
+        self.digest()
         self._follow_speed(rotation_hz, rotation_sd_hz)
         margins = []
         while len(samples):
+            self.digest()
             size = min(len(samples), self._frame - self._samples % self._frame)
             if rotation_hz is None:  # the average begins with the first speed that is known
                 self._periodogram.skip(size)
@@ -225,13 +229,19 @@ class MarginTracker:
             samples = samples[size:]
             self._samples += size
             if self._samples % self._frame == 0:
-                self._end_frame(rotation_hz)
+                self._undigested, self._latest_hz = True, rotation_hz
                 margins.append(self._margin)
         return margins
 
-    def _end_frame(self, rotation_hz: float | None) -> None:
-        """Transform when it is its turn, begin a fit when a round is over, and go on with it."""
-        frame = self._samples // self._frame
+    def digest(self) -> None:
+        """Transform when it is its turn, begin a fit when a round is over, and go on with it.
+
+        What comes of it counts from the next frame on: later, before the next sample, if not now.
+        """
+        if not self._undigested:
+            return
+        self._undigested = False
+        frame, rotation_hz = self._samples // self._frame, self._latest_hz
         if frame % HOP_FRAMES == self._turn:
             self._renewed |= self._periodogram.add()
         if frame % FRAMES_PER_FIT == TURNS and rotation_hz is not None:
@@ -260,7 +270,7 @@ class MarginTracker:
         elif known is None or abs(rotation_hz / known - 1.0) > _OTHER_SPEED * uncertainty:
             self._start_anew("too little signal yet at this speed")
         else:
-            return  # the speed that the average began with stays the reference: many small steps are a large one
+            return  # that one stays the reference: many small steps are a large one
         self._rotation_hz = rotation_hz
 
     def _start_anew(self, reason: str) -> None:

@@ -137,11 +137,13 @@ class OrderTracker:
         ]
         self._signals = np.empty((len(self._followers) + 1, size))  # before, between and after the followers
         self._filled = 0
+        self._undigested = False  # whether the signals are those of a whole frame that has ended
         self._next_sample = 0
         self._heard: tuple[float, float, int] | None = None  # speed and its deviation (Hz), and the sample then
 
     def set_spindle(self, spindle: SpindleSettings) -> None:
         """Go by another speed or number of teeth."""
+        self.digest()
         self._spindle = spindle
         self._heard = None
         self._followers[0].aim(self._target())
@@ -169,6 +171,19 @@ class OrderTracker:
             self._take(np.full(missing, np.nan), frames)
         return self._take(samples, frames), frames
 
+    def digest(self) -> None:
+        """Learn from the frame that has ended, and look for combs; later, before the next sample, if not now."""
+        if not self._undigested:
+            return
+        self._undigested = False
+        first, second = self._followers
+        found = first.end_frame(self._signals[0])
+        # With a comb that the first one takes from now on, the past is no guide to what is left; and where the spindle
+        # itself is not heard, lines that are evenly spaced are more likely a self-excited vibration's.
+        if found or first.harmonics is None:
+            second.forget()
+        second.end_frame(self._signals[1], None if first.harmonics is None else first.harmonics.rotation_hz)
+
     def finish(self) -> list[Orders]:
         """What can be said of the last, shorter frame."""
         return [self._frame()] if self._filled else []
@@ -186,6 +201,7 @@ class OrderTracker:
         begin = 0
         while begin < len(samples):
             size = min(len(samples) - begin, self._signals.shape[1] - self._filled)
+            self.digest()
             signals = self._signals[:, self._filled : self._filled + size]
             signals[0] = samples[begin : begin + size]
             for follower, before, after in zip(self._followers, signals[:-1], signals[1:], strict=True):
@@ -197,17 +213,8 @@ class OrderTracker:
             if self._filled == self._signals.shape[1]:
                 frames.append(self._frame())
                 self._filled = 0
-                self._end_frame()
+                self._undigested = True
         return residual
-
-    def _end_frame(self) -> None:
-        first, second = self._followers
-        found = first.end_frame(self._signals[0])
-        # With a comb that the first one takes from now on, the past is no guide to what is left; and where the spindle
-        # itself is not heard, lines that are evenly spaced are more likely a self-excited vibration's.
-        if found or first.harmonics is None:
-            second.forget()
-        second.end_frame(self._signals[1], None if first.harmonics is None else first.harmonics.rotation_hz)
 
     def _frame(self) -> Orders:
         """Describe the frame that has come in so far."""

@@ -143,7 +143,7 @@ def modes_evidence(frame: OdpFrame) -> tuple[list[ModeEvidence | None], NDArray[
     columns = (frame.frequency_hz, frame.damping_ratio, frame.damping_sd)
     samples, slots = frame.status.shape
     medians, counts = np.empty((slots, len(columns))), np.empty((slots, len(ModeStatus)), np.int64)
-    medians_where(columns, frame.status, OSCILLATORY, np.empty(samples, np.float32), medians, counts)
+    medians_where(columns, frame.status, frame.hold, OSCILLATORY, np.empty(samples, np.float32), medians, counts)
     modes = [
         None if math.isnan(frequency_hz) else ModeEvidence(frequency_hz, damping_ratio, damping_sd, share)
         for (frequency_hz, damping_ratio, damping_sd), share in zip(medians.tolist(), frame.share.tolist(), strict=True)

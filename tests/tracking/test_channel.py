@@ -101,3 +101,16 @@ def test_a_new_speed_holds_from_the_next_interval():
     assert before[-1].orders.rotation_hz is None or abs(before[-1].orders.rotation_hz - 27.6) > 1
     assert after[-1].orders.rotation_hz == pytest.approx(27.6, abs=0.1)
     assert after[0].margin.kappa is None
+
+
+def test_when_an_interval_is_digested_changes_nothing():
+    """Learning right after an interval, or with the next sample only, gives the same observations."""
+    blocks = [(first, CUT[first : first + 480]) for first in range(0, len(CUT), 480)]
+    early, late = channel(), channel()
+    seen = []
+    for block in blocks:
+        for observation in early.process(*block):
+            seen.append(contents(observation))
+            early.digest()
+        early.digest()
+    assert seen == [contents(observation) for block in blocks for observation in late.process(*block)]

@@ -44,7 +44,7 @@ def frame(*, damping=(0.02, 0.001), share=(0.5, 0.5), status=None, flags=Flag.NO
     status = np.asarray(status, dtype=np.uint8)
     for column in columns:
         column[np.isin(status, [REAL_PAIR, STARTING])] = np.nan
-    return OdpFrame(0, 0, 12_800.0, *columns, status, np.array(share), rms=rms, flags=flags)
+    return OdpFrame(0, 0, 12_800.0, *columns, status, np.array(share), rms=rms, flags=flags, hold=np.ones(2, int))
 
 
 def line(frequency_hz, share=0.5):
