@@ -1,6 +1,6 @@
 """Speed of `diagnose` and of its filter, and its answer on the Silverbox with the input hidden.
 
-    python -m benchmarks.discrepancy [speed silverbox]
+    python -m benchmarks.discrepancy [speed filter silverbox]
 
 Development seeds of the engine are below 100; the recordings here are seed 3000.
 """
@@ -8,6 +8,9 @@ Development seeds of the engine are below 100; the recordings here are seed 3000
 from __future__ import annotations
 
 import argparse
+import shutil
+import subprocess
+import tempfile
 import time
 from pathlib import Path
 
@@ -17,9 +20,12 @@ from scipy.io import loadmat
 from chatter_monitor.discrepancy.conclude import conclude
 from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
 from chatter_monitor.discrepancy.innovations import known_forces
+from chatter_monitor.discrepancy.observer import Linear, observer, sized
+from chatter_monitor.discrepancy.show import page
 from chatter_monitor.kernels.signatures import Motion, observe
 from chatter_monitor.physics.model import MachiningSystem
-from chatter_monitor.physics.parts import Mode, Sensor, Spindle
+from chatter_monitor.physics.parts import AppliedTerm, Mode, Sensor, Spindle
+from chatter_monitor.physics.terms import CATALOGUE
 from tests.discrepancy.machine import Machine, record
 
 SEED = 3000
@@ -28,8 +34,8 @@ PUBLISHED_K3, PUBLISHED_K1, SILVERBOX_HZ = 3.915, 0.990, 68.32
 
 
 def speed() -> None:
-    """Seconds for records of 20 and 60 s, and nanoseconds per sample of the filter; second call, kernels compiled."""
-    print("\nSpeed (one core)          seconds   mode    samples in band   diagnose   filter per sample")
+    """Seconds for records of 20 and 60 s, report and pictures included; second call, kernels compiled."""
+    print("\nSpeed                     seconds   mode    samples in band     wall, s   processor, s")
     for seconds in (20.0, 60.0):
         for frequency in (400.0, 900.0):
             machine = Machine("hardening", 0.05, frequency_hz=frequency, quantity="velocity", seconds=seconds)
@@ -37,21 +43,52 @@ def speed() -> None:
             modes = (Mode(frequency, machine.damping_ratio),)
             system = MachiningSystem(modes, sensor=Sensor(quantity="velocity"), spindle=Spindle(3000.0))
             for _ in range(2):
-                start = time.process_time()
+                start, processor = time.perf_counter(), time.process_time()
                 found = conclude(examine(recorded_from(samples, machine.rate_hz), system))
-                took = time.process_time() - start
-            inn = found.case.innovations
-            n = inn.errors.size
-            motion = Motion(*(np.zeros((2, n)) for _ in range(3)))
-            start = time.process_time()
-            recorded = inn.recorded
-            observe(
-                inn.observer, known_forces(()), recorded.samples, recorded.missing, inn.settled, np.empty(n), motion
-            )
-            per_sample = (time.process_time() - start) / n
+                page(found, "recording")
+                took = time.perf_counter() - start, time.process_time() - processor
             names = [term.name for term in found.report.terms]
-            figures = f"{seconds:5.0f} s  {frequency:5.0f} Hz {n:12d} {took:14.2f} s {1e9 * per_sample:12.0f} ns"
+            n = found.case.recorded.samples.size
+            figures = f"{seconds:5.0f} s  {frequency:5.0f} Hz {n:12d} {took[0]:15.2f} {took[1]:12.2f}"
             print(f"{'':26s}{figures}  {names}")
+
+
+def filter_cost() -> None:
+    """Nanoseconds per sample of the filter, without and with a cubic spring, next to the same filter in plain C."""
+    print("\nFilter, ns per sample           here      in C     ratio   (best of 5, in turns)")
+    compiler = shutil.which("cc")
+    if compiler is None:
+        print("skipped: there is no C compiler")
+        return
+    rate_hz = 5600.0
+    linear = Linear((Mode(400.0, 0.02),), "displacement", 1e-3)
+    samples = record(Machine("hardening", 0.02, rate_hz=rate_hz), SEED)
+    samples = samples / np.std(samples)
+    spring = AppliedTerm(CATALOGUE["cubic_stiffness"], {"coefficient": 0.02})
+    steady = sized(observer(linear, rate_hz), 0.05)
+    n = samples.size
+    errors, motion = np.empty(n), Motion(*(np.zeros((2, n)) for _ in range(3)))
+    nothing, always = np.zeros(n, dtype=bool), np.ones(n, dtype=bool)
+    with tempfile.TemporaryDirectory() as directory:
+        program, data = Path(directory) / "observer_limit", Path(directory) / "data"
+        source = Path(__file__).with_name("observer_limit.c")
+        subprocess.run([compiler, "-O3", "-march=native", "-o", program, source], check=True)
+        numbers = (
+            steady.transition, steady.begin, steady.end, steady.gain, steady.output, steady.tool, steady.spread,
+            [steady.step_s, steady.omega, 0.02], samples,
+        )  # fmt: skip
+        np.concatenate([np.ravel(each) for each in numbers]).tofile(data)
+        said = subprocess.run([program, data], check=True, capture_output=True, text=True).stdout.split()
+    for i, (name, terms) in enumerate((("linear", []), ("with a cubic spring", [spring]))):
+        best = np.inf
+        for _ in range(6):
+            start = time.process_time()
+            observe(steady, known_forces(terms), samples, nothing, always, errors, motion)
+            best = min(best, time.process_time() - start)
+        here, there, total = 1e9 * best / n, float(said[2 * i]), float(said[2 * i + 1])
+        if not np.isclose(errors @ errors, total, rtol=1e-6):
+            raise ArithmeticError(f"not the same filter: {errors @ errors} here, {total} in C")
+        print(f"{name:26s}{here:10.1f}{there:10.1f}{here / there:10.1f}")
 
 
 def silverbox() -> None:
@@ -76,7 +113,7 @@ def silverbox() -> None:
 
 def main() -> None:
     """Print the tables asked for, all by default."""
-    sections = {"speed": speed, "silverbox": silverbox}
+    sections = {"speed": speed, "filter": filter_cost, "silverbox": silverbox}
     parser = argparse.ArgumentParser(description="Speed and answers of the discrepancy engine")
     parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(sections))
     for section in parser.parse_args().sections or sections:

@@ -2,7 +2,8 @@
 
 The regression on signatures is linear in the coefficients and takes the motion from the base model. Here the filter
 itself knows the terms; Gauss-Newton steps on its whitened errors move coefficients, shapes and modes until they stay,
-which takes the bias out that strong effects have in the regression.
+which takes the bias out that strong effects have in the regression. Slopes are differences of the filter's errors:
+a signature would leave out that a force which the filter knows moves with what the filter believes.
 """
 
 from __future__ import annotations
@@ -14,19 +15,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.discrepancy.basis import retuning
 from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.innovations import Diverged, Innovations
+from chatter_monitor.discrepancy.name import PRICE_NATS
 from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.discrepancy.side_by_side import each
+from chatter_monitor.discrepancy.whitening import ORDER
 from chatter_monitor.physics.model import MachiningSystem
-from chatter_monitor.physics.parts import AppliedTerm, Excitation
+from chatter_monitor.physics.parts import AppliedTerm, Excitation, Mode
 
 Vector = NDArray[np.float64]
 
 STEPS = 8
 _SETTLED_NATS = 0.02
 _SHARES = (1.0, 0.4, 0.1)  # of a step, until it leads down
+_HOPE = 3.0  # times what the next step promises: as much a model may still gain
 _LARGEST_STEP = 0.5  # relative, of a shape
 _DERIVATIVE_STEP = 0.02
 
@@ -44,7 +48,7 @@ class Augmented:
     parameters : list of dict of str to (float, float)
         For each added term, its parameters with their standard deviations.
     columns : list of ndarray of float64, shape (n,)
-        Signatures of everything that was fitted.
+        What a change of each parameter that was fitted adds to the errors: of modes, terms, nuisance, whitener.
     gain_nats : float
         Gain of the whitened likelihood over the base model, on all samples, errors of the nonlinear filter itself.
     """
@@ -56,87 +60,244 @@ class Augmented:
     gain_nats: float
 
 
-def augment(case: Case, found: Sequence[AppliedTerm]) -> Augmented:
+def augment(case: Case, found: Sequence[AppliedTerm], modes: tuple[Mode, ...] | None = None) -> Augmented:
     """Fit the terms that were found together with the modes.
 
     Parameters
     ----------
     case : Case
     found : sequence of AppliedTerm
-        Terms with the coefficients of the regression, beside those that the base has.
+        Terms with the coefficients to begin with, beside those that the base has.
+    modes : tuple of Mode, optional
+        To begin with; those of the base if not given.
 
     Raises
     ------
     Diverged
         If the model runs away from the recording however little there is of the terms.
     """
-    weight = case.weight
-    before = list(case.innovations.terms)
-    if any(applied.term.chip_thickness for applied in found):  # it stands for the delay whose chip never ends
-        before = [applied for applied in before if not applied.term.delayed]
-    linear, terms = case.innovations.linear, [*before, *found]
-    first = len(before)
-    here = _fitted(case, linear, terms, first, weight)
-    for _ in range(STEPS):
-        if here is None:  # too much of it even to begin with
-            terms = [*before, *(_softened(applied) for applied in terms[first:])]
-            here = _fitted(case, linear, terms, first, weight)
-            continue
-        if here.promised < _SETTLED_NATS:
-            break
+    return fullest(case, [found], modes)[1]
+
+
+def fullest(
+    case: Case, rivals: Sequence[Sequence[AppliedTerm]], modes: tuple[Mode, ...] | None = None
+) -> tuple[int, Augmented]:
+    """Fit rivals side by side; which of them explains most, its parameters paid for, and its model.
+
+    A rival that cannot catch up any more, by what its next step promises, is not fitted to the end.
+
+    Parameters
+    ----------
+    case : Case
+    rivals : sequence of sequence of AppliedTerm
+        For each, as for `augment`.
+    modes : tuple of Mode, optional
+        The same.
+
+    Raises
+    ------
+    Diverged
+        If all of them run away from the recording.
+    """
+    climbs = [_Climb(case, found, modes) for found in rivals]
+    racing = climbs
+    while racing:
+        each(_Climb.step, racing)
+        ahead = min(climb.cost for climb in climbs)
+        racing = [climb for climb in racing if climb.steps_left and climb.hope <= ahead]
+    number = min(range(len(climbs)), key=lambda i: climbs[i].cost)
+    return number, climbs[number].augmented()
+
+
+class _Climb:
+    """Gauss-Newton steps of one model, until it stays."""
+
+    def __init__(self, case: Case, found: Sequence[AppliedTerm], modes: tuple[Mode, ...] | None) -> None:
+        self.case, self.found = case, len(found)
+        before = list(case.innovations.terms)
+        if any(applied.term.chip_thickness for applied in found):  # it stands for the delay whose chip never ends
+            before = [applied for applied in before if not applied.term.delayed]
+        linear = case.innovations.linear
+        self.model = _Model(replace(linear, modes=modes) if modes else linear, (*before, *found), len(before))
+        self.here: _Fitted | None = None
+        self.steps_left = STEPS
+
+    @property
+    def cost(self) -> float:
+        """What is left to explain, and the price of the parameters."""
+        return self.here.loss + PRICE_NATS * len(self.model.knobs) if self.here else math.inf
+
+    @property
+    def hope(self) -> float:
+        """Cost that it may come down to."""
+        return self.cost - _HOPE * self.here.promised if self.here else -math.inf
+
+    def step(self) -> None:
+        """Go where the last regression leads, if that is down."""
+        self.steps_left -= 1
+        if self.here is None:
+            if self.steps_left < STEPS - 1:  # too much of it even to begin with
+                self.model = self.model.softened()
+            self.here = _fitted(self.case, self.model)
+            return
         there = None
-        for share in _SHARES:
-            change = share * here.change
-            moved = [*before, *_moved(here.terms[first:], here.where, change)]
-            there = _fitted(case, _retuned(here.linear, change[:2]), moved, first, weight, here.loss)
-            if there is not None:
-                break
-        if there is None:
-            break
-        settled = here.loss - there.loss < _SETTLED_NATS
-        here = there
-        if settled:
-            break
-    if here is None:
-        raise Diverged("the model with the terms that were found runs away")
-    parameters: list[dict[str, tuple[float, float]]] = [{} for _ in found]
-    for term, name, i in here.where:
-        parameters[term][name] = (here.terms[first + term].parameters[name], float(here.sd[i]))
-    gain = _loss(case.innovations, weight) - here.loss
-    system = calibrated(case, here.linear, here.terms)
-    return Augmented(system, here.innovations, parameters, here.columns, gain)
+        if self.here.promised >= _SETTLED_NATS:
+            for share in _SHARES:
+                moved = self.model.moved(share * self.here.change)
+                there = _fitted(self.case, moved, self.here)
+                if there is not None:
+                    break
+        if there is None or self.here.loss - there.loss < _SETTLED_NATS:
+            self.steps_left = 0
+        if there is not None:
+            self.model, self.here = moved, there
+
+    def augmented(self) -> Augmented:
+        """The model as it is now."""
+        model, here = self.model, self.here
+        if here is None:
+            raise Diverged("the model with the terms that were found runs away")
+        parameters: list[dict[str, tuple[float, float]]] = [{} for _ in range(self.found)]
+        for knob, sd in zip(model.knobs, here.sd, strict=False):
+            if knob.term is not None:
+                parameters[knob.term - model.first][knob.name] = (model.value(knob), float(sd))
+        gain = _loss(self.case.innovations, self.case.weight) - here.loss
+        system = calibrated(self.case, model.linear, model.terms)
+        return Augmented(system, here.innovations, parameters, here.columns, gain)
+
+
+@dataclass(frozen=True, slots=True)
+class _Knob:
+    """A parameter that is fitted: of a term, or of the mode."""
+
+    name: str
+    term: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Model:
+    """A linear machine with terms, of which those from `first` on are fitted together with its mode."""
+
+    linear: Linear
+    terms: tuple[AppliedTerm, ...]
+    first: int
+
+    @property
+    def knobs(self) -> list[_Knob]:
+        """What is fitted; several modes stay as they are."""
+        free = [_Knob("frequency_hz"), _Knob("damping_ratio")] if len(self.linear.modes) == 1 else []
+        for number, applied in enumerate(self.terms[self.first :], self.first):
+            for parameter in applied.term.parameters:
+                value = applied.parameters.get(parameter.name, parameter.default or 0.0)
+                if parameter.linear or (value != 0.0 and parameter.name != "cutting_speed_m_s"):
+                    free.append(_Knob(parameter.name, number))
+        return free
+
+    def value(self, knob: _Knob) -> float:
+        """Of a parameter."""
+        if knob.term is None:
+            return float(getattr(self.linear.modes[0], knob.name))
+        return self.terms[knob.term].parameters[knob.name]
+
+    def _nudge(self, knob: _Knob, inn: Innovations) -> float:
+        """Change of a parameter over which its slope is taken."""
+        value = abs(self.value(knob))
+        if knob.term is None:
+            width = self.linear.modes[0].damping_ratio if knob.name == "frequency_hz" else 1.0
+            return _DERIVATIVE_STEP * width * value
+        if value == 0.0:  # as much as makes a small part of the restoring force
+            applied = self.terms[knob.term]
+            both = zip(applied.term.parameters, applied.values, strict=True)
+            unit = [float(p.name == knob.name) if p.linear else shape for p, shape in both]
+            restoring = inn.observer.omega**2 * float(np.std(inn.motion.x[0]))
+            value = restoring / float(np.std(inn.force(applied.term, unit)[0]))
+            return _DERIVATIVE_STEP**2 * value
+        return _DERIVATIVE_STEP * value
+
+    def turned(self, knob: _Knob, change: float) -> _Model:
+        """The model with one parameter changed, as far as its bounds allow."""
+        before = self.value(knob)
+        if knob.term is None:
+            low, high = (1e-5, 0.9) if knob.name == "damping_ratio" else (0.5 * before, 2.0 * before)
+            mode = replace(self.linear.modes[0], **{knob.name: min(max(before + change, low), high)})
+            return replace(self, linear=replace(self.linear, modes=(mode,)))
+        applied = self.terms[knob.term]
+        parameter = next(p for p in applied.term.parameters if p.name == knob.name)
+        if not parameter.linear:
+            change = min(max(change, -_LARGEST_STEP * abs(before)), _LARGEST_STEP * abs(before))
+        after = min(max(before + change, parameter.lower), parameter.upper)
+        values = {**applied.parameters, knob.name: after if parameter.allows(after) else before}
+        terms = list(self.terms)
+        terms[knob.term] = AppliedTerm(applied.term, values)
+        return replace(self, terms=tuple(terms))
+
+    def holds(self, knob: _Knob, change: float) -> bool:
+        """Whether a bound forbids a parameter to change at all in that direction."""
+        return self.turned(knob, change).value(knob) == self.value(knob)
+
+    def moved(self, change: Vector) -> _Model:
+        """The model after a Gauss-Newton step."""
+        model = self
+        for knob, step in zip(self.knobs, change, strict=False):
+            model = model.turned(knob, float(step))
+        return model
+
+    def softened(self) -> _Model:
+        """Half as much of each term."""
+        return replace(self, terms=(*self.terms[: self.first], *map(_softened, self.terms[self.first :])))
+
+    def slope(self, knob: _Knob, inn: Innovations) -> Vector:
+        """What one unit less of a parameter adds to the whitened errors."""
+        nudge = self._nudge(knob, inn)
+        other = self.turned(knob, nudge)
+        if self.holds(knob, nudge):
+            other = self.turned(knob, -nudge)
+        changed = Innovations(inn.recorded, other.linear, other.terms, inn.taps, inn.error_sd)
+        return np.asarray((inn.white - changed.white) / (other.value(knob) - self.value(knob)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fitted:
     """A model on the recording, and where the next Gauss-Newton step would take it."""
 
-    linear: Linear
-    terms: list[AppliedTerm]
     innovations: Innovations
     loss: float
     columns: list[Vector]
-    where: list[tuple[int, str, int]]
     change: Vector
     sd: Vector
     promised: float
 
 
-def _fitted(
-    case: Case, linear: Linear, terms: list[AppliedTerm], first: int, weight: Vector, beat: float = math.inf
-) -> _Fitted | None:
-    """Look at a model; None if it runs away from the recording, or does not beat the loss of another."""
+def _fitted(case: Case, model: _Model, beat: _Fitted | None = None) -> _Fitted | None:
+    """Look at a model; None if it runs away from the recording, or does not beat another."""
+    before = beat.innovations if beat else case.innovations
+    weight = case.weight
     try:
-        inn = Innovations(case.recorded, linear, terms)
+        inn = Innovations(case.recorded, model.linear, model.terms, error_sd=before.error_sd)
+        loss = _loss(inn, weight)
+        if beat and loss >= beat.loss:
+            return None
+        columns = each(lambda knob: model.slope(knob, inn), model.knobs)
     except Diverged:
         return None
-    loss = _loss(inn, weight)
-    if loss >= beat:
-        return None
-    columns, where = _columns(case, inn, terms[first:])
+    # Of the nuisance, what the parameters do not stand for.
+    fitted_here = case.columns["retuning"][:2]
+    if any(applied.term.delayed for applied in model.terms[model.first :]):
+        fitted_here = fitted_here + case.columns.get("lagged", [])
+    columns += [case.matrix[i] for i in case.evidence.nuisance if i not in fitted_here]
+    # The whitener is fitted anew to every model, so its taps are parameters as well; their slopes are errors before.
+    columns += [np.concatenate([np.zeros(lag), inn.errors[:-lag]]) for lag in range(1, ORDER + 1)]
     evidence = Evidence(inn.white, np.array(columns), weight, [], case.evidence.block)
-    fit = evidence.regress(list(range(len(columns))))
-    return _Fitted(linear, terms, inn, loss, columns, where, fit.coefficients, fit.sd, fit.gain)
+    free = list(range(len(columns)))
+    fit = evidence.regress(free)
+    change, sd = fit.coefficients, fit.sd
+    # What stands at a bound and pushes against it stays there, and the others go where they would without it.
+    if held := [i for i, knob in enumerate(model.knobs) if model.holds(knob, float(change[i]))]:
+        free = [i for i in free if i not in held]
+        fit = evidence.regress(free)
+        change = np.zeros(len(columns))
+        change[free] = fit.coefficients
+    return _Fitted(inn, loss, columns, change, sd, fit.gain)
 
 
 def _softened(applied: AppliedTerm) -> AppliedTerm:
@@ -149,67 +310,6 @@ def _loss(inn: Innovations, weight: Vector) -> float:
     rest = inn.white * weight
     count = np.count_nonzero(weight)
     return 0.5 * count * math.log(float(rest @ rest) / count)
-
-
-def _columns(
-    case: Case, inn: Innovations, terms: Sequence[AppliedTerm]
-) -> tuple[list[Vector], list[tuple[int, str, int]]]:
-    """Signatures of the modes' retuning, of the nuisance, and of every parameter that is free."""
-    nuisance = [*retuning(inn)]
-    fitted_here = list(case.columns["retuning"])
-    if any(applied.term.delayed for applied in terms):
-        fitted_here += case.columns.get("lagged", [])
-    nuisance += [case.matrix[i] for i in case.evidence.nuisance if i not in fitted_here]
-    slopes: list[Vector] = []
-    where: list[tuple[int, str, int]] = []
-    for number, applied in enumerate(terms):
-        for parameter in applied.term.parameters:
-            value = applied.parameters.get(parameter.name, parameter.default or 0.0)
-            free = parameter.linear or (value != 0.0 and parameter.name != "cutting_speed_m_s")
-            if not free:
-                continue
-            step = 1.0 if parameter.linear else _DERIVATIVE_STEP * abs(value)
-            ends = []
-            for sign in (1.0, -1.0):
-                shifted = dict(applied.parameters) | {parameter.name: value + sign * step}
-                if not parameter.allows(value + sign * step) and not parameter.linear:
-                    shifted[parameter.name] = value
-                ends.append((inn.force(applied.term, _values(applied, shifted)), shifted[parameter.name]))
-            slope = (ends[0][0] - ends[1][0]) / (ends[0][1] - ends[1][1])
-            where.append((number, parameter.name, len(nuisance) + len(slopes)))
-            slopes.append(slope)
-    return [*nuisance, *inn.respond(slopes)], where
-
-
-def _values(applied: AppliedTerm, parameters: dict[str, float]) -> list[float]:
-    return [float(parameters.get(p.name, p.default or 0.0)) for p in applied.term.parameters]
-
-
-def _moved(terms: Sequence[AppliedTerm], where: Sequence[tuple[int, str, int]], change: Vector) -> list[AppliedTerm]:
-    """Terms after a Gauss-Newton step, within their bounds."""
-    values = [dict(applied.parameters) for applied in terms]
-    for number, name, i in where:
-        parameter = next(p for p in terms[number].term.parameters if p.name == name)
-        before, step = values[number][name], float(change[i])
-        if not parameter.linear:
-            step = float(np.clip(step, -_LARGEST_STEP * abs(before), _LARGEST_STEP * abs(before)))
-        after = min(max(before + step, parameter.lower), parameter.upper)
-        values[number][name] = after if parameter.allows(after) else before
-    return [AppliedTerm(applied.term, parameters) for applied, parameters in zip(terms, values, strict=True)]
-
-
-def _retuned(linear: Linear, change: Vector) -> Linear:
-    """Modes with the spring and the damper that the regression adds to the tool; with several modes they stay."""
-    if len(linear.modes) > 1:
-        return linear
-    mode = linear.modes[0]
-    stiffness = mode.omega**2 + float(change[0]) * mode.participation**2
-    damping = 2.0 * mode.damping_ratio * mode.omega + float(change[1]) * mode.participation**2
-    if stiffness <= 0.0:
-        return linear
-    omega = math.sqrt(stiffness)
-    ratio = min(max(damping / (2.0 * omega), 1e-5), 0.9)
-    return replace(linear, modes=(replace(mode, frequency_hz=omega / (2.0 * math.pi), damping_ratio=ratio),))
 
 
 def calibrated(case: Case, linear: Linear, terms: Sequence[AppliedTerm]) -> MachiningSystem:

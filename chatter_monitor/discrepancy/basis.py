@@ -65,7 +65,7 @@ def surface(innovations: Innovations) -> Matrix:
     sd_x, sd_v = scales(innovations.motion)
     over_x = splines(innovations.motion.x / sd_x, BUMPS, -REACH, REACH)
     over_v = splines(innovations.motion.v / sd_v, BUMPS, -REACH, REACH)
-    return innovations.respond([bx * bv for bx in over_x for bv in over_v])
+    return innovations.respond((over_x[:, None] * over_v).reshape(-1, *over_v.shape[1:]))
 
 
 def surface_at(coefficients: Matrix, x: Matrix, v: Matrix) -> Matrix:

@@ -76,6 +76,31 @@ def _entries(
     return [(candidate, [at[candidate.acts(i)] for i in candidate.linear]) for candidate in tried]
 
 
+def beside(case: Case, inn: Innovations, fitted: Sequence[Vector], first: Candidate) -> Contest:
+    """All other candidates before the errors of a model that has the first one, about which all is linear again.
+
+    Parameters
+    ----------
+    case : Case
+    inn : Innovations
+        Of the augmented model.
+    fitted : sequence of ndarray of float64, shape (n,)
+        What a change of each of its parameters adds to the errors.
+    first : Candidate
+    """
+    columns = [*fitted]
+
+    def add(_name: str, new: Iterable[Vector]) -> list[int]:
+        begin = len(columns)
+        columns.extend(new)
+        return list(range(begin, len(columns)))
+
+    others = [candidate for candidate, _ in case.contest.entries if candidate.name != first.name]
+    entries = _entries(inn, others, add)
+    evidence = Evidence(inn.white, np.array(columns), case.weight, range(len(fitted)), case.evidence.block)
+    return Contest(evidence, entries)
+
+
 def _retuned(inn: Innovations) -> list[Vector]:
     """What a change of each mode's frequency, damping and participation adds to the errors, by differences."""
     found = []

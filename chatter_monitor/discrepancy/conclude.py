@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
 from chatter_monitor.discrepancy.account import alternatives, calibration, held_out_fit, information, one_cut
-from chatter_monitor.discrepancy.augment import Augmented, augment, calibrated
+from chatter_monitor.discrepancy.augment import Augmented, augment, calibrated, fullest
 from chatter_monitor.discrepancy.case import SURE, Case
+from chatter_monitor.discrepancy.columns import beside
 from chatter_monitor.discrepancy.diagnosis import examine_rest
 from chatter_monitor.discrepancy.faults import restlessness
 from chatter_monitor.discrepancy.findings import (
@@ -25,7 +26,7 @@ from chatter_monitor.discrepancy.findings import (
     strongest,
 )
 from chatter_monitor.discrepancy.innovations import Diverged
-from chatter_monitor.discrepancy.name import PRICE_NATS, Scored
+from chatter_monitor.discrepancy.name import MOST_TERMS, Scored
 from chatter_monitor.discrepancy.report import Finding, Fit, Located, Report, Statistic, Verdict
 from chatter_monitor.discrepancy.whereabouts import MAPPED_P, whereabouts
 from chatter_monitor.physics.model import MachiningSystem
@@ -113,15 +114,16 @@ def conclude(case: Case) -> Diagnosis:
     if fullest is not None:
         first, augmented = fullest
         case.rest, plane = examine_rest(case, augmented.innovations, augmented.columns)
-        # Further terms may stand for no more than what the first, fitted fully, explains.
-        left = min(each.p_value for each in plane) < MAPPED_P
-        case.named = case.contest.run([first])[0] if left else [first]
-        if len(case.named) > 1:
+        case.named = [first]
+        # Further terms may stand for no more than what the first, fitted fully, leaves.
+        if min(each.p_value for each in plane) < MAPPED_P and (further := _further(case, first, augmented)):
+            terms = [*augmented.system.terms[-1:], *(_applied(case, scored) for scored in further)]
             try:
-                augmented = augment(case, [_applied(case, scored) for scored in case.named])
+                augmented = augment(case, terms, augmented.system.modes)
                 case.rest, plane = examine_rest(case, augmented.innovations, augmented.columns)
+                case.named += further
             except Diverged:
-                case.named = [first]
+                pass  # then the first has to do
         known = {each.name for each in plane}
         case.rest_maps = [*plane, *(each for each in case.rest_maps if each.name not in known)]
         for scored, parameters in zip(case.named, augmented.parameters, strict=True):
@@ -174,17 +176,25 @@ def _fullest(case: Case) -> tuple[Scored, Augmented] | None:
         leader,
         *(each for each in case.ranking if each.evidence_nats > least and each.candidate != leader.candidate),
     ]
-    fits: list[tuple[float, Scored, Augmented]] = []
-    for scored in rivals[:RIVALS]:
-        try:
-            augmented = augment(case, [_applied(case, scored)])
-        except Diverged:
-            continue
-        fits.append((augmented.gain_nats - PRICE_NATS * len(augmented.parameters[0]), scored, augmented))
-    if not fits:
+    tried = rivals[:RIVALS]
+    try:
+        number, augmented = fullest(case, [[_applied(case, scored)] for scored in tried])
+    except Diverged:
         return None
-    _, scored, augmented = max(fits, key=lambda each: each[0])
-    return scored, augmented
+    return tried[number], augmented
+
+
+def _further(case: Case, first: Scored, augmented: Augmented) -> list[Scored]:
+    """What explains more beside the first term, with its columns before the base model."""
+    contest = beside(case, augmented.innovations, augmented.columns, first.candidate)
+    further, _ = contest.run(most=MOST_TERMS - 1)
+    columns = dict(case.contest.entries)
+    found = []
+    for scored in further:
+        there = dict(zip(scored.all_columns, columns[scored.candidate], strict=True))
+        kept = [there[column] for column in scored.columns]
+        found.append(replace(scored, all_columns=columns[scored.candidate], columns=kept))
+    return found
 
 
 def _applied(case: Case, scored: Scored) -> AppliedTerm:

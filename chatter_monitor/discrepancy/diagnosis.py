@@ -186,7 +186,7 @@ def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector]) -> tupl
     inn : Innovations
         Of the augmented model, about which everything is linear again.
     fitted : sequence of ndarray of float64, shape (n,)
-        Signatures of all parameters that were fitted.
+        What a change of each parameter that was fitted adds to the errors.
 
     Returns
     -------

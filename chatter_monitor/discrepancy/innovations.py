@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.observer import Linear, observer, sized
+from chatter_monitor.discrepancy.side_by_side import each
 from chatter_monitor.discrepancy.whitening import ORDER, trusted, whitened, whitener
 from chatter_monitor.kernels.signatures import SMOOTH, SUBSTEPS, Forces, Motion, force_along, observe, signatures
 from chatter_monitor.physics.parts import AppliedTerm
 from chatter_monitor.physics.terms import Term
 
 Vector = NDArray[np.float64]
-_SIDE_BY_SIDE = 32  # signatures: enough for the processor's vectors, and few enough for its caches
+_SIDE_BY_SIDE = 16  # signatures: enough for the processor's vectors, and few enough for its caches
 _MEMORY_DECAYS = 5.0  # samples before a used one that have to be there, in decay times of the filter
 
 
@@ -61,9 +62,14 @@ class Innovations:
         Its forces.
     taps : ndarray of float64, optional
         Whitener to use; fitted if not given.
+    error_sd : float, optional
+        About the standard deviation of the errors. What the filter does not know of the motion, over which it averages
+        the forces, is of that size; if it is not given, a first run tells it.
 
     Attributes
     ----------
+    error_sd : float
+        Standard deviation of the errors.
     errors, white : ndarray of float64, shape (n,)
         Prediction errors, before and after whitening.
     settled : ndarray of bool, shape (n,)
@@ -75,23 +81,29 @@ class Innovations:
     """
 
     def __init__(
-        self, recorded: Recorded, linear: Linear, terms: Sequence[AppliedTerm] = (), taps: Vector | None = None
+        self,
+        recorded: Recorded,
+        linear: Linear,
+        terms: Sequence[AppliedTerm] = (),
+        taps: Vector | None = None,
+        error_sd: float | None = None,
     ) -> None:
         self.recorded, self.linear, self.terms = recorded, linear, tuple(terms)
         n = recorded.samples.size
-        self.observer = observer(linear, recorded.rate_hz)
+        steady = observer(linear, recorded.rate_hz)
+        self.observer = steady if error_sd is None else sized(steady, error_sd)
         self.errors = np.empty(n)
         self.motion = Motion(*(np.zeros((2, n)) for _ in range(3)))
+        memory = self._memory()
+        self.settled = trusted(recorded.missing, memory)
+        self.used = trusted(recorded.missing, ORDER + 2 * memory)
         known = known_forces(self.terms)
-        for _ in range(2 if self.terms else 1):  # the size of the errors is known after the first run
-            memory = self._memory()
-            self.settled = trusted(recorded.missing, memory)
+        for _ in range(2 if self.terms and error_sd is None else 1):
             observe(self.observer, known, recorded.samples, recorded.missing, self.settled, self.errors, self.motion)
-            self.used = trusted(recorded.missing, ORDER + 2 * memory)
-            size = float(np.std(self.errors[self.used]))
-            if not math.isfinite(size):
+            self.error_sd = float(np.std(self.errors[self.used]))
+            if not math.isfinite(self.error_sd):
                 raise Diverged("the prediction errors grow without bound")
-            self.observer = sized(observer(linear, recorded.rate_hz), size)
+            self.observer = sized(steady, self.error_sd)
         self.taps = whitener(self.errors, self.used) if taps is None else taps
         self.white = whitened(self.errors, self.taps)
 
@@ -110,12 +122,12 @@ class Innovations:
         force_along(self.observer, self.motion, self.settled, *how, parameters, out)
         return out
 
-    def respond(self, forces: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    def respond(self, forces: Sequence[NDArray[np.float64]] | NDArray[np.float64]) -> NDArray[np.float64]:
         """Whitened signatures of forces.
 
         Parameters
         ----------
-        forces : sequence of ndarray of float64, shape (2, n)
+        forces : sequence of ndarray of float64, shape (2, n); or ndarray of float64, shape (m, 2, n)
             As functions of the state of `motion`, or from `force`.
 
         Returns
@@ -123,13 +135,14 @@ class Innovations:
         ndarray of float64, shape (len(forces), n)
         """
         found = np.empty((len(forces), self.errors.size))
-        for some in np.array_split(np.arange(len(forces)), max(1, math.ceil(len(forces) / _SIDE_BY_SIDE))):
-            together = np.stack([forces[i] for i in some]) if some.size else np.empty((0, 2, self.errors.size))
-            out = np.empty((some.size, self.errors.size))
-            signatures(self.observer, together, self.recorded.missing, self.taps, out)
-            found[some] = out
+
+        def some(first: int) -> None:
+            part = slice(first, first + _SIDE_BY_SIDE)
+            signatures(self.observer, np.asarray(forces[part]), self.recorded.missing, self.taps, found[part])
+
+        each(some, range(0, len(forces), _SIDE_BY_SIDE))
         return found
 
     def of_terms(self, terms: Sequence[tuple[Term, Sequence[float]]]) -> NDArray[np.float64]:
         """Whitened signatures of terms with their parameters, shape (len(terms), n)."""
-        return self.respond([self.force(term, values) for term, values in terms])
+        return self.respond(each(lambda one: self.force(*one), terms))

@@ -92,13 +92,8 @@ class Contest:
         price = PRICE_NATS * (len(columns) + candidate.shapes)
         return Scored(candidate, all_columns, columns, fit, fit.gain - price, held, p)
 
-    def run(self, named: Sequence[Scored] = ()) -> tuple[list[Scored], list[Scored]]:
-        """Forward selection.
-
-        Parameters
-        ----------
-        named : sequence of Scored
-            What is named already.
+    def run(self, most: int = MOST_TERMS) -> tuple[list[Scored], list[Scored]]:
+        """Forward selection of at most so many terms.
 
         Returns
         -------
@@ -107,10 +102,10 @@ class Contest:
         list of Scored
             For the first that is tried: best shape of every name, most evidence first.
         """
-        named = list(named)
-        given = [column for scored in named for column in scored.columns]
+        named: list[Scored] = []
+        given: list[int] = []
         ranking: list[Scored] = []
-        while len(named) < MOST_TERMS:
+        while len(named) < most:
             taken = {each.candidate.name for each in named}
             leaders = {k: v for k, v in self.best(given, self.training).items() if k not in taken and v[3]}
             everything = {
