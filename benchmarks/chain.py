@@ -2,8 +2,9 @@
 
 Simulated cuts of the development split (`benchmarks.verdict`), told their speed or not, and silence. Stages are run one
 after the other on what the stage before gave, the whole chain runs in one; all of that in turns, least processor time
-of each. A stage's share is that of the stages' sum, which the whole should come to. And how long the program takes to
-its first line, by the clock.
+of each. A stage's share is that of the stages' sum, which the whole should come to. Then interval by interval, as a
+live signal comes: how long the verdict takes, and what is done when it is out (`Channel.digest`); the least of all
+rounds for each interval, by the clock. And how long the program takes to its first line, by the clock.
 
 Run: python -m benchmarks.chain [--cuts N] [--rounds N]
 """
@@ -39,6 +40,7 @@ RATE_HZ = 12800.0
 BLOCK = 32768
 SILENCE_S = 20.0
 TARGET = 60.0  # times real time
+FRAME = round(INTERVAL_S * RATE_HZ)
 T = TypeVar("T")
 Samples = NDArray[np.float64]
 Case = tuple[Samples, SpindleSettings]
@@ -136,6 +138,28 @@ def report(name: str, cases: list[Case], rounds: int, recursion_ns: float, yards
     return speed
 
 
+def each_interval_s(samples: Samples, spindle: SpindleSettings) -> Samples:
+    """Seconds until the verdict of each interval, and for what is done after it: shape (intervals, 2)."""
+    channel, following = Channel(TrackerSettings(), OrderSettings(), spindle), Judge(JudgeSettings())
+    took = []
+    for first in range(0, len(samples) - FRAME + 1, FRAME):
+        began = time.perf_counter()
+        for seen in channel.process(first, samples[first : first + FRAME]):
+            following.verdict(weigh(seen, spindle), first, FRAME, RATE_HZ)
+        told = time.perf_counter()
+        channel.digest()
+        took.append((told - began, time.perf_counter() - told))
+    return np.array(took)
+
+
+def report_intervals(name: str, cases: list[Case], rounds: int) -> None:
+    """Measure single intervals of one kind of signal and print their row."""
+    least = [np.min([each_interval_s(*case) for _ in range(rounds)], axis=0) for case in cases]
+    verdict_ms, after_ms = 1e3 * np.concatenate(least).T
+    columns = [f(part) for part in (verdict_ms, after_ms) for f in (np.mean, lambda ms: np.percentile(ms, 99), np.max)]
+    print(f"{name:16}{''.join(f'{value:8.2f}' for value in columns)}")
+
+
 def first_line_s(*arguments: str) -> float:
     """Seconds until the program prints its first line: the least of three starts."""
     took = []
@@ -183,6 +207,9 @@ def main() -> None:
     print(
         f"target: {TARGET:.0f} times real time for one channel on one core: {'' if min(speeds) > TARGET else 'NOT '}met"
     )
+    print("\nms for an interval: until the verdict, and after it (mean, p99, longest)")
+    for name, cases in rows.items():
+        report_intervals(name, cases, arguments.rounds)
     recording = str(Path(__file__).parents[1] / "replay_data/bar_turning.flac")
     warm = first_line_s("replay", recording, "--jsonl", "/dev/stdout")
     print(f"--help after {first_line_s('--help'):.2f} s (target 0.3), a first result after {warm:.2f} s (target 2)")

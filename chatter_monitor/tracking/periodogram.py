@@ -125,7 +125,8 @@ class AveragedPeriodogram:
         """Add the window that the last hop completed to the average; tell whether there was one with anything in it."""
         if self._complete is None:
             return False
-        power = np.abs(fft.rfft(self._complete)) ** 2
+        amplitude = fft.rfft(self._complete)
+        power = amplitude.real**2 + amplitude.imag**2
         self._complete = None
         power[: self._lowest_bin] = 0.0
         level = float(power.sum())
