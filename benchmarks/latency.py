@@ -4,6 +4,9 @@ The daemon as it is installed (ring, trackers, judges, publisher, flight recorde
 12.8 kHz in blocks of 128 samples from a device that keeps the pace of a real one. Time runs from the callback that
 delivers the last sample of a verdict's interval until a subscriber, a process of its own, holds the verdict.
 
+All channels end an interval with the same sample. Their verdicts are made and sent one after the other, the first
+channel's first; what nobody waits for (`Channel.digest`) comes after the last.
+
 Three rounds of each in turn: alone; with a subscriber that asked for everything and never reads; with one that read for
 a while and was then stopped (SIGSTOP), as a dashboard that hangs. Their queues are kept short, so that they are full
 nearly all of the time; how often one was found full is shown (a queue that stays full counts once).
@@ -123,8 +126,8 @@ def role(name: str, *arguments: object) -> subprocess.Popen[bytes]:
     return subprocess.Popen([sys.executable, "-m", "benchmarks.latency", "--role", name, *map(str, arguments)])
 
 
-def measure(condition: str, seconds: float) -> tuple[list[float], int, int]:
-    """Latencies in ms under one condition, publications dropped, samples lost."""
+def measure(condition: str, seconds: float) -> tuple[list[tuple[int, float]], int, int]:
+    """Channel and latency in ms of each verdict under one condition, publications dropped, samples lost."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         endpoint = f"ipc://{folder}/publish"
@@ -146,7 +149,10 @@ def measure(condition: str, seconds: float) -> tuple[list[float], int, int]:
                 process.wait()
         heard = json.loads((folder / "heard.json").read_text())
         received_s = json.loads((folder / "received.json").read_text())
-        latencies_ms = [1000 * (at_s - heard["heard_s"][verdict]) for verdict, at_s in received_s.items()]
+        latencies_ms = [
+            (int(verdict.partition("/")[0]), 1000 * (at_s - heard["heard_s"][verdict]))
+            for verdict, at_s in received_s.items()
+        ]
         expected = seconds * CHANNELS * RATE_HZ / 640
         if len(latencies_ms) < 0.9 * expected:
             raise SystemExit(f"only {len(latencies_ms)} of {expected:.0f} verdicts arrived")
@@ -169,12 +175,16 @@ def main() -> None:
             return never_read(endpoint, at_first=at_first == "1")
     latencies_ms: dict[str, list[float]] = defaultdict(list)
     medians: dict[str, list[float]] = defaultdict(list)
+    by_channel: dict[int, list[float]] = defaultdict(list)  # alone
     dropped: dict[str, int] = defaultdict(int)
     lost = 0
     for _ in range(arguments.rounds):
         for condition in CONDITIONS:
-            values, dropped_now, lost_now = measure(condition, arguments.seconds)
+            verdicts, dropped_now, lost_now = measure(condition, arguments.seconds)
+            values = [ms for _, ms in verdicts]
             latencies_ms[condition] += values
+            for channel, ms in verdicts if condition == CONDITIONS[0] else ():
+                by_channel[channel].append(ms)
             medians[condition].append(float(np.median(values)))
             dropped[condition] += dropped_now
             lost += lost_now
@@ -186,6 +196,10 @@ def main() -> None:
         rounds = ", ".join(f"{value:.2f}" for value in medians[condition])
         columns = f"{median:8.2f}{p99:8.2f}{max(values):8.2f}{len(values):10d}{dropped[condition]:12d}   {rounds}"
         print(f"{condition:<32}{columns}")
+    ends = [(channel, *np.percentile(values, [50, 99])) for channel, values in sorted(by_channel.items())]
+    print(
+        f"alone, each channel: {', '.join(f'{channel}: {median:.2f}, p99 {p99:.2f}' for channel, median, p99 in ends)}"
+    )
     met = np.percentile(latencies_ms[CONDITIONS[0]], 99) <= TARGET_P99_MS
     print(
         f"target: p99 within {TARGET_P99_MS} ms on an idle machine: {'met' if met else 'NOT met'}; samples lost: {lost}"

@@ -220,6 +220,8 @@ def complete(p, q, first, begin, state, slots, out):
     """
     survey(p, q, first, begin, state, slots.frequencies, slots.powers)
     assign(slots)
+    for slot in range(slots.hold.shape[0]):
+        slots.hold[slot] = 1 << (first + max(slots.chosen[slot, 0], 0))
     show(first, begin, slots.chosen, state.columns, state.filled, out)
 
 

@@ -47,6 +47,8 @@ class Slots(NamedTuple):
         Octave and mode to be reported in each slot of the frame.
     power : ndarray of float64, shape (slots,)
         Of that mode; 0 without one.
+    hold : ndarray of int64, shape (slots,)
+        For how many samples of the source a value of that octave stands; of the highest octave without a mode.
     """
 
     homes: np.ndarray
@@ -58,6 +60,7 @@ class Slots(NamedTuple):
     placed: np.ndarray
     chosen: np.ndarray
     power: np.ndarray
+    hold: np.ndarray
 
 
 def new_slots(homes: np.ndarray, modes: int, count: int) -> Slots:
@@ -75,6 +78,7 @@ def new_slots(homes: np.ndarray, modes: int, count: int) -> Slots:
         placed=np.zeros(octaves * modes, np.bool_),
         chosen=np.zeros((count, 2), np.int64),
         power=np.zeros(count),
+        hold=np.ones(count, np.int64),
     )
 
 

@@ -179,7 +179,7 @@ class Tracker:
             status=odps.status,
             share=powers / total if total > 0.0 else powers.copy(),
             signal=signal,
-            hold=1 << (self._first_octave + np.maximum(self._slots.chosen[:, 0], 0)),
+            hold=self._slots.hold.copy(),
             rms=rms,
             lost=self._lost,
             flags=self._flags,

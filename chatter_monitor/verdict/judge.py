@@ -127,7 +127,7 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     if alarm is not None:
         return Opinion("self_excited", alarm.self_excited, _why_chatter(alarm), alarm.heard)
     suspect = next((v for v in memory.vibrations if v.heard is not None), None)
-    calm = 1.0 - max((v.self_excited for v in memory.vibrations), default=0.0)
+    calm = 1.0 - (memory.vibrations[0].self_excited if memory.vibrations else 0.0)  # of the most suspicious
     forced = _forced_by(memory.forced_share)
     if memory.synchronous > MOST:
         return Opinion("forced", calm * forced, _why_forced(evidence))

@@ -104,12 +104,12 @@ class Following:
         return tuple(
             Followed(
                 frequency_hz,
-                Kinds(*kinds),
+                Kinds(noise, growing, saturated, steady),
                 unexplained,
                 alarm_for,
                 None if line == kernel.NO_LINE else heard[line],
             )
-            for frequency_hz, *kinds, unexplained, _, _, alarm_for, _, _, line in known
+            for frequency_hz, noise, growing, saturated, steady, unexplained, _, _, alarm_for, _, _, line in known
         )
 
 
