@@ -196,6 +196,30 @@ class Compared(msgspec.Struct, frozen=True):
     report: str
 
 
+class SelfExcitation(msgspec.Struct, frozen=True):
+    """A vibration that excites itself: in the recording, and in the augmented simulation.
+
+    Attributes
+    ----------
+    frequency_hz, amplitude : float, optional
+        While it is strong; amplitude of the displacement in u, None if it does not stay.
+    simulated_frequency_hz, simulated_amplitude : float, optional
+        Of the augmented simulation, where it stays.
+    growth_per_s, model_growth_per_s : float, optional
+        Of the characteristic root of the augmented model, and of the model as given; negative is stable.
+    rises_s : (float, float), optional
+        Stretch that the regeneration was fitted to.
+    """
+
+    frequency_hz: float
+    amplitude: float | None
+    simulated_frequency_hz: float | None
+    simulated_amplitude: float | None
+    growth_per_s: float | None
+    model_growth_per_s: float
+    rises_s: Interval | None
+
+
 class Report(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     """The whole answer."""
 
@@ -211,6 +235,7 @@ class Report(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     elapsed_s: float = 0.0
     force_balance: ForceBalance | None = None
     recordings: list[Compared] = []
+    self_excitation: SelfExcitation | None = None
 
     def to_json(self) -> bytes:
         """Text of ``report.json``."""

@@ -14,6 +14,7 @@ import numpy as np
 from chatter_monitor.acquisition.recording import Recording
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.conclude import conclude
+from chatter_monitor.discrepancy.conclude_chatter import conclude_chatter
 from chatter_monitor.discrepancy.conclude_driven import conclude_driven
 from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
 from chatter_monitor.discrepancy.driven import examine_driven
@@ -21,6 +22,7 @@ from chatter_monitor.discrepancy.oracle import gain_of
 from chatter_monitor.discrepancy.report import Report
 from chatter_monitor.discrepancy.shared import with_process_damping
 from chatter_monitor.discrepancy.show import page
+from chatter_monitor.discrepancy.show_chatter import page_chatter
 from chatter_monitor.discrepancy.show_driven import page_driven
 from chatter_monitor.discrepancy.show_together import page_together
 from chatter_monitor.discrepancy.together import diagnose_together
@@ -77,7 +79,11 @@ def diagnose_file(
     system = system.in_cut(file.name)
     progress("reading the recording")
     recorded = _read(file, channel, between_s)
-    if driven_by is None:
+    chattering = conclude_chatter(recorded, system, progress) if driven_by is None else None
+    if chattering is not None:
+        progress("report")
+        html, report, augmented = page_chatter(chattering, file.name), chattering.report, chattering.model
+    elif driven_by is None:
         diagnosis = conclude(examine(recorded, with_process_damping(system), progress))
         progress("report")
         html, report = page(diagnosis, file.name)

@@ -1,0 +1,54 @@
+"""The report of a recording that chatters."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import signal as dsp
+
+from chatter_monitor.discrepancy.conclude_chatter import ChatterDiagnosis
+from chatter_monitor.discrepancy.show import AUGMENTED, RECORDED, document, encoded, figure_of
+from chatter_monitor.errors import InputError
+from chatter_monitor.physics.simulate import simulate
+
+_SHOWN = 12  # periods
+_RUN_S = 6.0
+SEED = 1
+
+
+def page_chatter(diagnosis: ChatterDiagnosis, name: str) -> str:
+    """HTML page with everything inside."""
+    return document(diagnosis.report, name, [("Rise and limit", _picture(diagnosis))])
+
+
+def _picture(diagnosis: ChatterDiagnosis) -> str:
+    """Amplitude over time, spectrum and waveform where it stays, of recording and augmented simulation."""
+    figure, (left, middle, right) = figure_of(1)
+    found, rate = diagnosis.found, diagnosis.whole.rate_hz
+    t = np.arange(found.amplitude.size) / rate
+    left.semilogy(t[::16], found.amplitude[::16], color=RECORDED, lw=0.8, label="recording")
+    excitation = diagnosis.report.self_excitation
+    if found.rises_s and excitation is not None and excitation.growth_per_s is not None:
+        begin, end = found.rises_s[0]
+        line = np.linspace(begin, end, 2)
+        top = float(np.interp(end, t, found.amplitude))
+        left.semilogy(line, top * np.exp(excitation.growth_per_s * (line - end)), color=AUGMENTED, lw=2, label="root")
+    left.set(xlabel="time, s", ylabel="amplitude, u", title="amplitude at the vibration")
+    left.legend(fontsize="small")
+    begin_s, end_s = found.steady_s or (0.5 * t[-1], t[-1])
+    steady = diagnosis.whole.samples[int(begin_s * rate) : int(end_s * rate)]
+    runs = [(steady, RECORDED, "recording")]
+    if diagnosis.made is not None and diagnosis.made.sure:
+        try:
+            run = simulate(diagnosis.model, _RUN_S, SEED, rate, settle_s=0.1).signal / diagnosis.model.sensor.gain
+            runs.append((run[int(0.7 * run.size) :], AUGMENTED, "augmented"))
+        except InputError:
+            pass  # it grows without bound, which the picture shows as missing
+    for run, color, label in runs:
+        frequency, density = dsp.welch(run, rate, nperseg=min(8192, run.size))
+        shown = frequency < 4.0 * found.frequency_hz
+        middle.plot(frequency[shown], 10.0 * np.log10(density[shown] + 1e-300), color=color, lw=0.8, label=label)
+        part = run[: int(_SHOWN * rate / found.frequency_hz)]
+        right.plot(1e3 * np.arange(part.size) / rate, part, color=color, lw=0.9, label=label)
+    middle.set(xlabel="Hz", ylabel="dB", title="spectrum where it stays")
+    right.set(xlabel="ms", title="some periods of it")
+    return encoded(figure)

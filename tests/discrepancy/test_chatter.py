@@ -1,0 +1,100 @@
+"""Cuts that their model calls stable and that chatter. Development seeds are below 50, the benchmark's from 100."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import soundfile
+from click.testing import CliRunner
+
+from benchmarks.self_excited import RATE_HZ, draw, errors, growth_per_s, record
+from chatter_monitor.cli import cli
+from chatter_monitor.discrepancy.conclude_chatter import conclude_chatter
+from chatter_monitor.discrepancy.diagnosis import recorded_from
+from chatter_monitor.physics.model import MachiningSystem
+from chatter_monitor.physics.model_file import model_text, read_model
+from chatter_monitor.physics.parts import Mode, Sensor, Spindle
+from tests.discrepancy.machine import Machine
+from tests.discrepancy.machine import record as record_stable
+
+SEED = 61
+
+
+@pytest.fixture(scope="module")
+def chattering():
+    """A cut of the blind generator that chatters from 2 s on, its recording, and a model without regeneration."""
+    cut, model = draw(SEED)
+    return cut, record(cut, SEED, 4.0), MachiningSystem(model.modes, spindle=model.spindle, sensor=model.sensor)
+
+
+def test_chatter_that_the_model_does_not_know_is_regeneration(chattering, tmp_path):
+    """Files in: regeneration is named, and the written model chatters as the recording does (1 %, 20 %, 20 %)."""
+    cut, samples, model = chattering
+    assert growth_per_s(model) < 0.0 < growth_per_s(cut.machine(cut.coefficient))
+    soundfile.write(tmp_path / "cut.wav", samples, int(RATE_HZ), subtype="DOUBLE")
+    (tmp_path / "model.toml").write_text(model_text(model))
+    command = [
+        "diagnose",
+        str(tmp_path / "cut.wav"),
+        "--model",
+        str(tmp_path / "model.toml"),
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    result = CliRunner().invoke(cli, command, catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert [term["name"] for term in report["terms"]] == ["loss_of_contact"], report["summary"]
+    assert report["located"]["lag_s"] == pytest.approx(cut.spindle.delay_s, rel=0.01)
+    excited = report["self_excitation"]
+    assert excited["simulated_frequency_hz"] == pytest.approx(excited["frequency_hz"], rel=0.01)
+    assert excited["simulated_amplitude"] == pytest.approx(excited["amplitude"], rel=0.2)
+    written = read_model(tmp_path / "out" / "model.toml")
+    assert growth_per_s(written) == pytest.approx(growth_per_s(cut.machine(cut.coefficient)), rel=0.2)
+    assert written.terms[0].parameters["chip_thickness"] == pytest.approx(1.0, rel=0.2)
+
+
+def test_too_little_regeneration_in_the_model_is_told_by_how_much(chattering):
+    """A model with half of the regeneration that the limit takes gets it as strong as it is, and is told so."""
+    cut, samples, model = chattering
+    weak = MachiningSystem(model.modes, cut.machine(0.5 * cut.limit).terms, spindle=model.spindle, sensor=model.sensor)
+    found = conclude_chatter(recorded_from(samples, RATE_HZ), weak)
+    assert found.report.terms[0].sense.endswith("times as strong as in the model")
+    frequency, growth, amplitude = np.abs(errors(cut, found))
+    assert frequency < 0.01
+    assert growth < 0.2
+    assert amplitude < 0.2
+
+
+def test_without_a_spindle_chatter_is_unknown(chattering):
+    """The vibration is located, and the reason why regeneration is not named is that its delay is not known."""
+    _, samples, model = chattering
+    report = conclude_chatter(recorded_from(samples, RATE_HZ), MachiningSystem(model.modes, sensor=model.sensor)).report
+    assert report.verdict == "unknown"
+    assert "[spindle]" in report.summary
+    assert report.located.band_hz
+
+
+def test_a_speed_that_is_far_off_is_no_regeneration(chattering):
+    """With a delay that is none of the cut's regeneration is not named."""
+    _, samples, model = chattering
+    wrong = MachiningSystem(model.modes, spindle=Spindle(model.spindle.speed_rpm * 1.23), sensor=model.sensor)
+    assert conclude_chatter(recorded_from(samples, RATE_HZ), wrong).report.verdict == "unknown"
+
+
+def test_a_machine_in_noise_does_not_chatter():
+    """A stable machine, also with a hard joint or a weak regeneration, is no case for this."""
+    for effect in ("none", "hardening", "delay"):
+        machine = Machine(effect, 0.03, frequency_hz=220.0, seconds=6.0, quantity="velocity")
+        model = MachiningSystem((Mode(220.0, 0.02),), spindle=Spindle(3000.0), sensor=Sensor("velocity"))
+        assert conclude_chatter(recorded_from(record_stable(machine, 130), 12800.0), model) is None
+
+
+def test_a_tone_that_was_always_there_is_not_called_self_excited():
+    """A second machine that hums near the mode from beginning to end is no chatter."""
+    samples = record_stable(Machine(frequency_hz=220.0, seconds=6.0), 131)
+    t = np.arange(samples.size) / 12800.0
+    model = MachiningSystem((Mode(220.0, 0.02),), spindle=Spindle(3000.0))
+    assert conclude_chatter(recorded_from(samples + 4.0 * np.sin(2.0 * np.pi * 233.0 * t), 12800.0), model) is None
