@@ -166,7 +166,8 @@ def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model:
     ]
     if "chip_thickness" in parameters:
         warnings.append(
-            "The chip thickness is the one at which the simulation stays at the amplitude of the recording; how sure it is, is not known."
+            "The chip thickness is the one at which the simulation stays at the amplitude of the recording; "
+            "how sure it is, is not known."
         )
     return Report(
         "missing_physics", summary, _located(found, made, Statistic("lag", made.gain_nats, p)), [finding],

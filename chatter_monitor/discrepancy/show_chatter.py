@@ -47,7 +47,7 @@ def _picture(diagnosis: ChatterDiagnosis) -> str:
         frequency, density = dsp.welch(run, rate, nperseg=min(8192, run.size))
         shown = frequency < 4.0 * found.frequency_hz
         middle.plot(frequency[shown], 10.0 * np.log10(density[shown] + 1e-300), color=color, lw=0.8, label=label)
-        part = run[: int(_SHOWN * rate / found.frequency_hz)]
+        part = run[run.size // 2 :][: int(_SHOWN * rate / found.frequency_hz)]
         right.plot(1e3 * np.arange(part.size) / rate, part, color=color, lw=0.9, label=label)
     middle.set(xlabel="Hz", ylabel="dB", title="spectrum where it stays")
     right.set(xlabel="ms", title="some periods of it")
