@@ -79,8 +79,10 @@ def recordings(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cuts")
     text = '[sensor]\nquantity = "velocity"\n[[mode]]\nfrequency_hz = 220.5\ndamping_ratio = 0.02\n'
     for seed, speed in ((120, 0.5), (121, 3.0)):
-        machine = Machine(damping_ratio=in_cut(speed), frequency_hz=220.0, seconds=8.0, quantity="velocity")
-        soundfile.write(folder / cut(speed).recording, record(machine, seed), 12800, subtype="FLOAT")
+        machine = Machine(
+            damping_ratio=in_cut(speed), frequency_hz=220.0, seconds=8.0, quantity="velocity", rate_hz=6400.0
+        )
+        soundfile.write(folder / cut(speed).recording, record(machine, seed), 6400, subtype="FLOAT")
         text += f'[[cut]]\nrecording = "{cut(speed).recording}"\nspeed_rpm = {400 * speed}\n'
         text += f"cutting_speed_m_s = {speed}\nwidth_m = {WIDTH_M}\n"
     (folder / "model.toml").write_text(text)
