@@ -116,9 +116,12 @@ class Channel:
         yield from self._observations(self._tracker.finish())
 
     def _observations(self, frames: Iterator[OdpFrame]) -> Iterator[Observation]:
-        for frame in frames:
-            orders = self._waiting.popleft()
-            yield Observation(frame, orders, tuple(self._spectrum.take(frame.signal)), self._margin_of(frame, orders))
+        # One stage after the other over all frames of a block, so that each finds its code and data in the cache.
+        odps = list(frames)
+        orders = [self._waiting.popleft() for _ in odps]
+        lines = [tuple(self._spectrum.take(odp.signal)) for odp in odps]
+        margins = [self._margin_of(odp, turned) for odp, turned in zip(odps, orders, strict=True)]
+        yield from map(Observation, odps, orders, lines, margins)
 
     def _margin_of(self, frame: OdpFrame, orders: Orders) -> Margin:
         """Margin at the end of a frame; the delay is known only with the spindle, not with any comb."""
