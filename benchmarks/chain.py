@@ -83,7 +83,12 @@ def judge(observations: Iterable[Observation], spindle: SpindleSettings) -> list
 def whole(samples: Samples, spindle: SpindleSettings) -> list[Verdict]:
     """Run the chain as the monitor does."""
     channel = Channel(TrackerSettings(), OrderSettings(), spindle)
-    return judge((seen for block in blocks(samples) for seen in channel.process(*block)), spindle)
+    following = Judge(JudgeSettings(), interval_s=INTERVAL_S)
+    verdicts = []
+    for block in blocks(samples):
+        for seen, evidence in [(seen, weigh(seen, spindle)) for seen in channel.process(*block)]:
+            verdicts.append(following.verdict(evidence, seen.odp.first_sample, len(seen.odp), RATE_HZ))
+    return verdicts
 
 
 def by_stage(watch: Stopwatch, samples: Samples, spindle: SpindleSettings) -> list[Verdict]:

@@ -156,8 +156,7 @@ class Monitor:
             for number, channel in enumerate(self._channels):
                 # The tracker flags a gap before the block where it lies; the block's length is chance.
                 flags = block.flags[number] if block.flags else Flag.NONE
-                for observation in channel.process(block.first_sample, block.samples[:, number], flags):
-                    self._deliver(observation)
+                self._deliver([*channel.process(block.first_sample, block.samples[:, number], flags)])
             if len(block.samples):
                 self._tally.latencies_s.append(self._clock() - (began if block.arrived_s is None else block.arrived_s))
             for channel in self._channels:  # now that all verdicts are out
@@ -169,8 +168,7 @@ class Monitor:
                 self._send(self._health(end / self._source.sample_rate_hz, finished=False))
             yield end
         for channel in self._channels:
-            for observation in channel.finish():
-                self._deliver(observation)
+            self._deliver([*channel.finish()])
         for number in range(len(self._channels)):
             event = self._events.finish(number)
             if event is not None:
@@ -203,22 +201,23 @@ class Monitor:
         for outlet in self._outlets:
             outlet.spindle(spindle)
 
-    def _deliver(self, observation: Observation) -> None:
-        frame = observation.odp
-        verdict = self._judges[frame.channel].verdict(
-            weigh(observation, self._spindle), frame.first_sample, len(frame), frame.sample_rate_hz
-        )
-        condition = self._source.condition()
-        if not condition.hearing and verdict.state == "unknown":
-            verdict = msgspec.structs.replace(verdict, reasons=[*verdict.reasons, *condition.problems])
-        odp = odp_message(frame)
-        for outlet in self._outlets:
-            outlet.turning(frame.channel, observation.orders)
-            outlet.frame(frame, odp)
-        self._send(verdict)
-        event = self._events.follow(verdict)
-        if event is not None:
-            self._send(event)
+    def _deliver(self, observations: list[Observation]) -> None:
+        """Judge the intervals of a channel that have ended, and hand them to the outlets."""
+        for observation, evidence in [(seen, weigh(seen, self._spindle)) for seen in observations]:
+            frame = observation.odp
+            judge = self._judges[frame.channel]
+            verdict = judge.verdict(evidence, frame.first_sample, len(frame), frame.sample_rate_hz)
+            condition = self._source.condition()
+            if not condition.hearing and verdict.state == "unknown":
+                verdict = msgspec.structs.replace(verdict, reasons=[*verdict.reasons, *condition.problems])
+            odp = odp_message(frame)
+            for outlet in self._outlets:
+                outlet.turning(frame.channel, observation.orders)
+                outlet.frame(frame, odp)
+            self._send(verdict)
+            event = self._events.follow(verdict)
+            if event is not None:
+                self._send(event)
 
     def _send(self, message: Verdict | Event | Health) -> None:
         for outlet in self._outlets:

@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chatter_monitor.kernels.median import medians_where
 from chatter_monitor.records import Flag, ModeStatus, OdpFrame
@@ -33,6 +32,7 @@ TELLING = 0.8
 
 # Plain numbers, as kernels take them.
 OSCILLATORY, HELD, STARTING = int(ModeStatus.OSCILLATORY), int(ModeStatus.HELD), int(ModeStatus.STARTING)
+STATUSES = len(ModeStatus)
 
 
 class ModeEvidence(NamedTuple):
@@ -130,25 +130,25 @@ class Evidence(NamedTuple):
         return synchronous + (1.0 - synchronous) * min(steady, 1.0)
 
 
-def modes_evidence(frame: OdpFrame) -> tuple[list[ModeEvidence | None], NDArray[np.int64]]:
+def modes_evidence(frame: OdpFrame) -> tuple[list[ModeEvidence | None], list[list[int]]]:
     """Summarise each mode slot.
 
     Returns
     -------
     list of ModeEvidence or None
         None where it had no frequency for half of the interval or longer.
-    ndarray of int64, shape (slots, statuses)
-        How many of its samples have each `ModeStatus`.
+    list of list of int
+        For each slot, how many of its samples have each `ModeStatus`.
     """
     columns = (frame.frequency_hz, frame.damping_ratio, frame.damping_sd)
     samples, slots = frame.status.shape
-    medians, counts = np.empty((slots, len(columns))), np.empty((slots, len(ModeStatus)), np.int64)
+    medians, counts = np.empty((slots, len(columns))), np.empty((slots, STATUSES), np.int64)
     medians_where(columns, frame.status, frame.hold, OSCILLATORY, np.empty(samples, np.float32), medians, counts)
     modes = [
         None if math.isnan(frequency_hz) else ModeEvidence(frequency_hz, damping_ratio, damping_sd, share)
         for (frequency_hz, damping_ratio, damping_sd), share in zip(medians.tolist(), frame.share.tolist(), strict=True)
     ]
-    return modes, counts
+    return modes, counts.tolist()
 
 
 def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
@@ -172,8 +172,8 @@ def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
         vibrations=vibrations,
         orders=orders,
         margin=observation.margin,
-        held=bool((statuses[:, HELD] == len(frame)).all()),
-        starting=bool(statuses[:, STARTING].any()),
+        held=all(counts[HELD] == len(frame) for counts in statuses),
+        starting=any(counts[STARTING] for counts in statuses),
         rms=frame.rms / math.sqrt(max(1.0 - orders.synchronous_share, 1e-6)),
         flags=frame.flags,
     )
