@@ -115,11 +115,14 @@ class Witness(Outlet):
 
 
 def shift(channels: int) -> NDArray[np.float32]:
-    """One period: the stable beginning of the cut again and again, then all of it."""
+    """One period: all of the cut, then its stable beginning again and again.
+
+    So the first event, whose recording takes memory for good, is over before the reference is taken.
+    """
     whole = cut(channels)
     stable = whole[: round(5 * RATE_HZ)]
     again = np.tile(stable, (round((PERIOD_S * RATE_HZ - len(whole)) / len(stable)), 1))
-    return np.concatenate([again, whole])
+    return np.concatenate([whole, again])
 
 
 def fast(hours: float, folder: Path) -> bool:
