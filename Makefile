@@ -23,7 +23,7 @@ check: $(READY)
 	$(BIN)/lint-imports
 
 # What each part costs next to yardsticks and how the cost grows, into docs/performance.json, and the page of it.
-# About ten minutes; other work on the machine makes the figures worse, and the page says how much there was.
+# Minutes on a machine that is free; other work on it makes the figures worse, and the page says how much there was.
 bench: $(READY)
 	nice -n 10 $(BIN)/python -m benchmarks
 	$(BIN)/python -m docs.performance
@@ -37,6 +37,8 @@ bench-all: bench
 	$(BIN)/python -m benchmarks.simulator
 	$(BIN)/python -m benchmarks.identification
 	$(BIN)/python -m benchmarks.discrepancy
+	$(BIN)/python -m benchmarks.driven
+	$(BIN)/python -m benchmarks.several
 	$(BIN)/python -m benchmarks.latency
 	$(BIN)/python -m benchmarks.memory --hours 1
 	$(BIN)/python -m benchmarks.margin
@@ -107,7 +109,7 @@ endif
 	test -e $(DESTDIR)$(ETC)/machine.toml || install -m 0644 config/machine.toml $(DESTDIR)$(ETC)/machine.toml
 ifndef DESTDIR
 	ln -sf $(OPT)/bin/chatter-monitor /usr/local/bin/chatter-monitor
-	@echo "Compiling the kernels and trying them on a simulated cut; this takes about half a minute."
+	@echo "Compiling the kernels and trying them on a simulated cut; this takes about a minute."
 	rm -rf $(CACHE)/kernels-* # those of earlier versions
 	NUMBA_CACHE_DIR=$(CACHE) $(OPT)/bin/chatter-monitor replay replay_data/bar_turning.flac
 	chown -R $(ACCOUNT):$(ACCOUNT) $(CACHE)
