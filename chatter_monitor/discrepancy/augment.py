@@ -60,6 +60,27 @@ class Augmented:
     gain_nats: float
 
 
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where a fit begins.
+
+    Attributes
+    ----------
+    found : tuple of AppliedTerm
+        Terms with the coefficients to begin with.
+    linear : Linear
+    before : tuple of AppliedTerm
+        Terms that the model has besides, which stay as they are.
+    price_nats : float
+        Of what else this model has before others.
+    """
+
+    found: tuple[AppliedTerm, ...]
+    linear: Linear
+    before: tuple[AppliedTerm, ...]
+    price_nats: float = 0.0
+
+
 def augment(case: Case, found: Sequence[AppliedTerm], modes: tuple[Mode, ...] | None = None) -> Augmented:
     """Fit the terms that were found together with the modes.
 
@@ -76,12 +97,12 @@ def augment(case: Case, found: Sequence[AppliedTerm], modes: tuple[Mode, ...] | 
     Diverged
         If the model runs away from the recording however little there is of the terms.
     """
-    return fullest(case, [found], modes)[1]
+    linear = case.innovations.linear
+    start = Start(tuple(found), replace(linear, modes=modes) if modes else linear, case.innovations.terms)
+    return fullest(case, [start])[1]
 
 
-def fullest(
-    case: Case, rivals: Sequence[Sequence[AppliedTerm]], modes: tuple[Mode, ...] | None = None
-) -> tuple[int, Augmented]:
+def fullest(case: Case, rivals: Sequence[Start]) -> tuple[int, Augmented]:
     """Fit rivals side by side; which of them explains most, its parameters paid for, and its model.
 
     A rival that cannot catch up any more, by what its next step promises, is not fitted to the end.
@@ -89,17 +110,14 @@ def fullest(
     Parameters
     ----------
     case : Case
-    rivals : sequence of sequence of AppliedTerm
-        For each, as for `augment`.
-    modes : tuple of Mode, optional
-        The same.
+    rivals : sequence of Start
 
     Raises
     ------
     Diverged
         If all of them run away from the recording.
     """
-    climbs = [_Climb(case, found, modes) for found in rivals]
+    climbs = [_Climb(case, start) for start in rivals]
     racing = climbs
     while racing:
         each(_Climb.step, racing)
@@ -112,20 +130,20 @@ def fullest(
 class _Climb:
     """Gauss-Newton steps of one model, until it stays."""
 
-    def __init__(self, case: Case, found: Sequence[AppliedTerm], modes: tuple[Mode, ...] | None) -> None:
-        self.case, self.found = case, len(found)
-        before = list(case.innovations.terms)
-        if any(applied.term.chip_thickness for applied in found):  # it stands for the delay whose chip never ends
-            before = [applied for applied in before if not applied.term.delayed]
-        linear = case.innovations.linear
-        self.model = _Model(replace(linear, modes=modes) if modes else linear, (*before, *found), len(before))
+    def __init__(self, case: Case, start: Start) -> None:
+        self.case, self.found, self.price_nats = case, len(start.found), start.price_nats
+        before = start.before
+        if any(applied.term.chip_thickness for applied in start.found):  # it stands for the delay whose chip never ends
+            before = tuple(applied for applied in before if not applied.term.delayed)
+        self.model = _Model(start.linear, (*before, *start.found), len(before))
         self.here: _Fitted | None = None
         self.steps_left = STEPS
 
     @property
     def cost(self) -> float:
         """What is left to explain, and the price of the parameters."""
-        return self.here.loss + PRICE_NATS * len(self.model.knobs) if self.here else math.inf
+        terms = sum(knob.term is not None for knob in self.model.knobs)
+        return self.here.loss + self.price_nats + PRICE_NATS * terms if self.here else math.inf
 
     @property
     def hope(self) -> float:

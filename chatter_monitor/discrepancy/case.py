@@ -27,26 +27,31 @@ SURE = 1e-5  # chance that is not believed in
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Local:
-    """An effect in a part of the recording.
+    """An effect in a part of the recording, or of the amplitudes, only.
 
     Attributes
     ----------
     candidate : Candidate
-    columns : list of int
-    blocks : (int, int)
-        First block and one past the last.
+        With one coefficient.
+    signature : ndarray of float64, shape (n,)
+        Whitened signature of its unit, confined to where it acts.
     gain_nats, held_out_nats : float
-        Gain on the training blocks less the price, and on the held-out blocks, both inside.
+        Gain on the training blocks less the price, and on the held-out blocks.
     p_value : float
         Of the held-out blocks.
+    between_s : (float, float), optional
+        Stretch of the recording in which it acts.
+    above : float, optional
+        Amplitude sqrt(x^2 + (v / w)^2) above which it acts.
     """
 
     candidate: Candidate
-    columns: list[int]
-    blocks: tuple[int, int]
+    signature: Vector
     gain_nats: float
     held_out_nats: float
     p_value: float
+    between_s: tuple[float, float] | None = None
+    above: float | None = None
 
 
 @dataclass(eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from chatter_monitor.discrepancy.account import alternatives, calibration, held_out_fit, information, one_cut
-from chatter_monitor.discrepancy.augment import Augmented, augment, calibrated, fullest
+from chatter_monitor.discrepancy.augment import Augmented, Start, augment, calibrated, fullest
 from chatter_monitor.discrepancy.case import SURE, Case
 from chatter_monitor.discrepancy.columns import beside
 from chatter_monitor.discrepancy.diagnosis import examine_rest
@@ -26,7 +26,8 @@ from chatter_monitor.discrepancy.findings import (
     strongest,
 )
 from chatter_monitor.discrepancy.innovations import Diverged
-from chatter_monitor.discrepancy.name import MOST_TERMS, Scored
+from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
+from chatter_monitor.discrepancy.name import MOST_TERMS, PRICE_NATS, Scored
 from chatter_monitor.discrepancy.report import Finding, Fit, Located, Report, Statistic, Verdict
 from chatter_monitor.discrepancy.whereabouts import MAPPED_P, whereabouts
 from chatter_monitor.physics.model import MachiningSystem
@@ -95,11 +96,7 @@ def conclude(case: Case) -> Diagnosis:
     if any(each is None for each in tones):
         strange.append("a tone that belongs neither to the spindle nor to the mains")
     leaves_cut = any(scored.candidate.term.chip_thickness for scored in case.named)
-    findings += [
-        of_omission(case, o.name)
-        for o in case.base.omissions
-        if not is_harmonic(case, o) and not (o.name == "regenerative_delay" and leaves_cut)
-    ]
+    omissions = case.base.omissions
     if case.offset_p < SURE:
         findings.append(plain("offset_drift", None, {}, 0.0, case.offset_p))
     rest = restlessness(case.explained(), case.innovations.used, case.recorded.rate_hz)
@@ -112,7 +109,7 @@ def conclude(case: Case) -> Diagnosis:
         case.named = []
         strange.append("a force with which the model runs away from it")
     if fullest is not None:
-        first, augmented = fullest
+        first, augmented, omissions = fullest
         case.rest, plane = examine_rest(case, augmented.innovations, augmented.columns)
         case.named = [first]
         # Further terms may stand for no more than what the first, fitted fully, leaves.
@@ -128,11 +125,14 @@ def conclude(case: Case) -> Diagnosis:
         case.rest_maps = [*plane, *(each for each in case.rest_maps if each.name not in known)]
         for scored, parameters in zip(case.named, augmented.parameters, strict=True):
             findings.append(of_term(scored, parameters))
-    elif delayed or case.base.omissions:
+    elif delayed or omissions:
         terms = [*case.system.terms, *delayed]
-        augmented = Augmented(
-            calibrated(case, linear, terms), case.innovations, [], [], case.base.omissions[0].gain_nats
-        )
+        augmented = Augmented(calibrated(case, linear, terms), case.innovations, [], [], omissions[0].gain_nats)
+    findings += [
+        of_omission(case, o.name)
+        for o in omissions
+        if not is_harmonic(case, o) and not (o.name == "regenerative_delay" and leaves_cut)
+    ]
     if case.local is not None:
         findings.append(of_local(case, case.local))
     maps = {each.name: each for each in case.rest_maps}
@@ -165,23 +165,32 @@ def conclude(case: Case) -> Diagnosis:
     return Diagnosis(report, case, base, augmented)
 
 
-def _fullest(case: Case) -> tuple[Scored, Augmented] | None:
+def _fullest(case: Case) -> tuple[Scored, Augmented, list[Omission]] | None:
     """Whichever of the leaders explains most once everything is fitted through the nonlinear filter.
 
-    None if that runs away from the recording with each of them.
+    A nonlinear force makes a spectrum that looks like a linear omission: what the base was found to lack stays
+    only if the leaders explain less without it. None if all of them run away from the recording.
     """
     leader = case.named[0]
     least = leader.evidence_nats - max(RIVAL_NATS, RIVAL_SHARE * leader.evidence_nats)
     rivals = [
         leader,
         *(each for each in case.ranking if each.evidence_nats > least and each.candidate != leader.candidate),
-    ]
-    tried = rivals[:RIVALS]
+    ][:RIVALS]
+    inn, base = case.innovations, case.base
+    machine = [omission for omission in base.omissions if omission.name in MECHANICAL]
+    price = PRICE_NATS * sum(len(omission.parameters) for omission in machine)
+    starts = [Start((_applied(case, scored),), inn.linear, inn.terms, price) for scored in rivals]
+    if machine:
+        alone = [scored for scored in rivals if not scored.candidate.term.chip_thickness]
+        starts += [Start((_applied(case, s),), base.fitted.linear, case.system.terms) for s in alone]
+        rivals += alone
     try:
-        number, augmented = fullest(case, [[_applied(case, scored)] for scored in tried])
+        number, augmented = fullest(case, starts)
     except Diverged:
         return None
-    return tried[number], augmented
+    without = starts[number].linear is not inn.linear
+    return rivals[number], augmented, [] if without else base.omissions
 
 
 def _further(case: Case, first: Scored, augmented: Augmented) -> list[Scored]:

@@ -23,7 +23,7 @@ from chatter_monitor.discrepancy.faults import (
 )
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.linear import Base, calibrate, fit_base
-from chatter_monitor.discrepancy.local import find_local
+from chatter_monitor.discrepancy.local import find_above, find_local
 from chatter_monitor.discrepancy.locate import (
     frequency_map,
     lag_map,
@@ -39,6 +39,7 @@ from chatter_monitor.physics.terms import CATALOGUE
 Vector = NDArray[np.float64]
 
 FEWEST_PERIODS = 300
+WORTH_A_LOOK = 1e-2  # chance at which something may hide above an amplitude; what is found there has tests of its own
 MOST_CLIPPED = 1e-3  # share of samples beyond which nothing else can be said
 
 
@@ -158,15 +159,16 @@ def _decide(case: Case) -> None:
     case.named, case.ranking = case.contest.run()
     with case.contest.beside([column for scored in case.named for column in scored.columns]):
         changing = subspace_map("time", evidence, case.columns["time"])
+        swelling = subspace_map("amplitude", evidence, case.columns["amplitude"])
     if changing.p_value < SURE or not case.named:
         case.local = find_local(case)
+    if case.local is None and swelling.p_value < WORTH_A_LOOK:
+        case.local = find_above(case)
     if case.local is not None:
-        inside = np.zeros(evidence.blocks, dtype=bool)
-        inside[slice(*case.local.blocks)] = True
-        evidence.nuisance.append(evidence.confined(case.local.columns[0], inside))  # the last, for `conclude`
-        where = np.repeat(inside, evidence.block)
-        where = np.pad(where, (0, max(case.matrix.shape[1] - where.size, 0)), "edge")[: case.matrix.shape[1]]
-        case.matrix = np.vstack([case.matrix, case.matrix[case.local.columns[0]] * where])
+        there = case.local.signature
+        column = evidence.join(there, case.innovations.white, case.matrix, case.weight)
+        evidence.nuisance.append(column)  # the last, for `findings.of_local`
+        case.matrix = np.vstack([case.matrix, there])
     elif changing.p_value < SURE:
         case.drift = changing
         evidence.nuisance += case.columns["time"]

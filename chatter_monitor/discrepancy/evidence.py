@@ -79,11 +79,15 @@ class Evidence:
         part.__dict__.pop("everything", None)
         return part
 
-    def confined(self, column: int, blocks: NDArray[np.bool_]) -> int:
-        """Add a column that is another one in some blocks and 0 elsewhere; return its number."""
-        row = self.products[:, column + 1, :] * blocks[:, None]
-        corner = row[:, column + 1]
-        self.products = np.block([[self.products, row[:, :, None]], [row[:, None, :], corner[:, None, None]]])
+    def join(self, column: Vector, errors: Vector, columns: NDArray[np.float64], weight: Vector) -> int:
+        """Add a column to those that are given again; return its number."""
+        products = np.empty((self.blocks, columns.shape[0] + 2))
+        for b in range(self.blocks):
+            part = slice(b * self.block, (b + 1) * self.block if b < self.blocks - 1 else errors.size)
+            row = column[part] * weight[part] ** 2
+            products[b] = [errors[part] @ row, *(columns[:, part] @ row), column[part] @ row]
+        row, corner = products[:, :-1], products[:, -1:]
+        self.products = np.block([[self.products, row[:, :, None]], [row[:, None, :], corner[:, None]]])
         return int(self.products.shape[1]) - 2
 
     @property

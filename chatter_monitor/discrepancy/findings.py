@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from chatter_monitor.discrepancy.case import BLOCK_S, Case, Local
+from chatter_monitor.discrepancy.case import Case, Local
 from chatter_monitor.discrepancy.faults import Clipping, Line
 from chatter_monitor.discrepancy.linear import Omission
 from chatter_monitor.discrepancy.name import Scored
@@ -117,8 +117,7 @@ def of_term(scored: Scored, parameters: dict[str, tuple[float, float]]) -> Findi
 
 
 def of_local(case: Case, local: Local) -> Finding:
-    """A term that acts in a part of the recording."""
-    begin, end = (block * BLOCK_S for block in local.blocks)
+    """A term that acts in a part of the recording, or above an amplitude."""
     *nuisance, confined = case.evidence.nuisance
     with case.contest.instead(nuisance) as evidence:
         fit = evidence.regress([confined])
@@ -127,5 +126,8 @@ def of_local(case: Case, local: Local) -> Finding:
     sense = None
     if local.candidate.name in SENSES:
         sense = SENSES[local.candidate.name][0 if fit.coefficients[0] > 0.0 else 1]
-    why = f"{IN_WORDS[local.candidate.name].capitalize()}, from {begin:.1f} to {end:.1f} s only."
+    where = f"above an amplitude of {local.above:.3g}" if local.above is not None else ""
+    if local.between_s is not None:
+        where = f"from {local.between_s[0]:.1f} to {local.between_s[1]:.1f} s"
+    why = f"{IN_WORDS[local.candidate.name].capitalize()}, {where} only."
     return Finding(local.candidate.name, sense, parameters, fit.gain, local.p_value, why)

@@ -17,6 +17,7 @@ from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.spectrum import RESOLUTION, Periodogram, SpectralFit, fit, periodogram
 from chatter_monitor.physics.parts import Mode, Quantity
 
+MECHANICAL = ("second_mode", "regenerative_delay")  # omissions that make another machine
 NEEDED_NATS = 12.0  # of a linear omission, over the base
 _OTHER_QUANTITY_NATS = 40.0
 _COMB = (0.55, 0.65, 0.75, 0.85, 1.18, 1.33, 1.5, 1.7)  # wrong delays over the right one
@@ -65,7 +66,7 @@ class Base:
     def linear(self) -> Linear:
         """With the omissions that change the linear machine."""
         for omission in self.omissions:
-            if omission.name in ("second_mode", "regenerative_delay"):
+            if omission.name in MECHANICAL:
                 return omission.fit.linear
         return self.fitted.linear
 

@@ -21,7 +21,6 @@ PRICE_NATS = 3.0  # of a parameter
 HELD_OUT_P = 1e-4
 LEAST_HELD_OUT_NATS = 4.0
 MOST_TERMS = 3
-LESS_NATS = 10.0  # by which an effect in a part of the recording has to beat the same effect all along
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,37 +139,6 @@ class Contest:
             yield self.evidence
         finally:
             self.evidence.nuisance = before
-
-
-def stretch(evidence: Evidence, column: int, least: int = 2) -> tuple[int, int, float, float]:
-    """Run of blocks in which one column gains most.
-
-    Returns
-    -------
-    int, int
-        First block and one past the last.
-    float, float
-        Gain there, and over the whole recording, nats.
-    """
-    nuisance = [i + 1 for i in evidence.nuisance]
-    total = evidence.products.sum(axis=0)
-    c = column + 1
-    normal = total[np.ix_(nuisance, nuisance)]
-    ridge = 1e-9 * np.diag(np.diag(normal))
-    beta = np.linalg.solve(normal + ridge, total[np.ix_(nuisance, [0, c])])
-    p = evidence.products
-    cross = p[:, nuisance][:, :, [0, c]]
-    inner = p[:, nuisance][:, :, nuisance]
-    score = (
-        p[:, 0, c] - cross[:, :, 1] @ beta[:, 0] - cross[:, :, 0] @ beta[:, 1]
-        + np.einsum("i,bij,j->b", beta[:, 0], inner, beta[:, 1])
-    )  # fmt: skip
-    weight = p[:, c, c] - 2.0 * cross[:, :, 1] @ beta[:, 1] + np.einsum("i,bij,j->b", beta[:, 1], inner, beta[:, 1])
-    u, w = np.concatenate([[0.0], np.cumsum(score)]), np.concatenate([[0.0], np.cumsum(weight)])
-    first, last = np.triu_indices(evidence.blocks + 1, least)
-    gain = 0.5 * (u[last] - u[first]) ** 2 / np.maximum(w[last] - w[first], 1e-300)
-    best = int(np.argmax(gain))
-    return int(first[best]), int(last[best]), float(gain[best]), float(0.5 * u[-1] ** 2 / w[-1])
 
 
 def subspace_p(

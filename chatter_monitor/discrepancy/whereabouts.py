@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from chatter_monitor.discrepancy.basis import scales, surface_at
-from chatter_monitor.discrepancy.case import BLOCK_S, Case
+from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.locate import lag_map
 from chatter_monitor.discrepancy.report import Finding, Located
 
@@ -21,9 +21,8 @@ def whereabouts(case: Case, findings: Sequence[Finding], strange: Sequence[str])
     if not findings and not strange:
         return Located(maps=maps, statistic=min(maps, key=lambda each: each.p_value))
     time = [(0.0, round(case.whole.seconds, 3))]
-    if case.local is not None:
-        begin, end = (block * BLOCK_S for block in case.local.blocks)
-        time = [(begin, min(end, case.whole.seconds))]
+    if case.local is not None and case.local.between_s is not None:
+        time = [case.local.between_s]
     bands = [(tone.frequency_hz, tone.frequency_hz) for tone in case.tones]
     for omission in case.base.omissions:
         if "frequency_hz" in omission.parameters:
@@ -39,6 +38,10 @@ def whereabouts(case: Case, findings: Sequence[Finding], strange: Sequence[str])
         _, lags, correlation = lag_map(case.explained(), case.innovations.used, case.recorded.rate_hz)
         lag_s = float(lags[45 + int(np.argmax(np.abs(correlation[45:])))])
     amplitude, state = _where(case)
+    if case.local is not None and case.local.above is not None:
+        motion = case.innovations.motion
+        highest = float(np.max(np.hypot(motion.x[0], motion.v[0] / case.innovations.observer.omega)))
+        amplitude = (case.local.above, max(highest, case.local.above))
     order = None
     angle = next(each for each in maps if each.name == "angle")
     if angle.p_value < 1e-3 and case.system.spindle is not None and case.swing is not None:

@@ -21,7 +21,10 @@ EFFECTS = (
 
 @dataclass(frozen=True)
 class Machine:
-    """A mode with one extra force; the strength is its share of the rms restoring force that nothing linear makes."""
+    """A mode with one extra force; the strength is its share of the rms restoring force that nothing linear makes.
+
+    The force may act in a stretch only, or only above an amplitude sqrt(x^2 + (v / w)^2).
+    """
 
     effect: str = "none"
     strength: float = 0.05
@@ -33,6 +36,7 @@ class Machine:
     snr_db: float = 34.0
     delay_s: float = 0.02
     between_s: tuple[float, float] | None = None
+    above: float = 0.0
 
 
 @njit(cache=True)
@@ -78,7 +82,7 @@ def _rate(effect, x, v, z, w):
 
 
 @njit(cache=True)
-def _run(effect, c, w, zeta, kick, pushes, dt, lag, begin, end):
+def _run(effect, c, w, zeta, kick, pushes, dt, lag, begin, end, above):
     wd = w * np.sqrt(1.0 - zeta * zeta)
     decay = np.exp(-zeta * w * dt)
     cos, sin = np.cos(wd * dt), np.sin(wd * dt)
@@ -93,7 +97,8 @@ def _run(effect, c, w, zeta, kick, pushes, dt, lag, begin, end):
     for k in range(n):
         lagged = xs[k - lag] if k >= lag > 0 else 0.0
         t = k * dt
-        f = _force(effect, c, x, v, lagged, z, w, t) if begin <= t < end else 0.0
+        acts = begin <= t < end and x * x + (v / w) ** 2 >= above * above
+        f = _force(effect, c, x, v, lagged, z, w, t) if acts else 0.0
         xs[k], vs[k] = x, v
         half = kick * pushes[k]
         acc[k] = half / dt - f - 2.0 * zeta * w * v - w * w * x
@@ -105,7 +110,7 @@ def _run(effect, c, w, zeta, kick, pushes, dt, lag, begin, end):
         v += 0.5 * half
         for _ in range(2):  # the force at the end of the step, implicitly
             f = _force(effect, c, x, v - 0.5 * dt * f if _ else v, lagged, z, w, t + dt)
-        f = f if begin <= t < end else 0.0
+        f = f if acts else 0.0
         v -= 0.5 * f * dt
     return xs, vs, acc
 
@@ -124,7 +129,7 @@ def _states(machine: Machine, c: float, seed: int) -> tuple[NDArray[np.float64],
         a[settle:]
         for a in _run(
             EFFECTS.index(machine.effect), c, w, machine.damping_ratio, kick, rng.standard_normal(steps), dt, lag,
-            begin + shift, end + shift,
+            begin + shift, end + shift, machine.above,
         )
     )  # fmt: skip
 

@@ -111,6 +111,14 @@ def test_an_effect_in_a_part_of_the_recording_is_located_there():
     assert min(last, end) - max(first, begin) > 0.8 * (max(last, end) - min(first, begin))
 
 
+def test_friction_above_an_amplitude_is_located_there():
+    """Dry friction that acts at large amplitudes only is named, and so is the amplitude."""
+    report = diagnosed(Machine("coulomb", 0.1, above=0.9, **SHORT), 112).report
+    assert [term.name for term in report.terms] == ["coulomb_friction"], report.summary
+    assert report.located.amplitude[0] == pytest.approx(0.9, abs=0.1)
+    assert "above an amplitude" in report.terms[0].why
+
+
 def test_hum_is_the_sensors():
     """A tone at the mains frequency is named as hum, and not as mechanics."""
     machine = Machine(**SHORT)
