@@ -1,9 +1,9 @@
 """The augmented model: every parameter of the named terms fitted through the nonlinear filter, with intervals.
 
 The regression on signatures is linear in the coefficients and takes the motion from the base model. Here the filter
-itself knows the terms; Gauss-Newton steps on its whitened errors move coefficients, shapes and modes until they stay,
-which takes the bias out that strong effects have in the regression. Slopes are differences of the filter's errors:
-a signature would leave out that a force which the filter knows moves with what the filter believes.
+itself knows the terms; damped Gauss-Newton steps on its whitened errors move coefficients, shapes and modes until they
+stay, which takes the bias out that strong effects have in the regression. Slopes are differences of the filter's
+errors: a signature would leave out that a force which the filter knows moves with what the filter believes.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from chatter_monitor.physics.parts import AppliedTerm, Excitation, Mode
 
 Vector = NDArray[np.float64]
 
-STEPS = 8
-_SETTLED_NATS = 0.02
-_SHARES = (1.0, 0.4, 0.1)  # of a step, until it leads down
+STEPS = 16
+_SETTLED_NATS = 0.05
+_DAMPINGS = (0.0, 0.1, 1.0, 10.0, 100.0)  # of a step (Levenberg and Marquardt), until it leads down
 _HOPE = 3.0  # times what the next step promises: as much a model may still gain
 _LARGEST_STEP = 0.5  # relative, of a shape
 _DERIVATIVE_STEP = 0.02
@@ -160,8 +160,8 @@ class _Climb:
             return
         there = None
         if self.here.promised >= _SETTLED_NATS:
-            for share in _SHARES:
-                moved = self.model.moved(share * self.here.change)
+            for damping in _DAMPINGS:
+                moved = self.model.moved(self.here.change(damping))
                 there = _fitted(self.case, moved, self.here)
                 if there is not None:
                     break
@@ -264,38 +264,54 @@ class _Model:
         """Half as much of each term."""
         return replace(self, terms=(*self.terms[: self.first], *map(_softened, self.terms[self.first :])))
 
-    def slope(self, knob: _Knob, inn: Innovations) -> Vector:
-        """What one unit less of a parameter adds to the whitened errors."""
+    def slope(self, knob: _Knob, inn: Innovations, error_sd: float) -> Vector:
+        """What one unit less of a parameter adds to the whitened errors, the filter's idea of their size unchanged."""
         nudge = self._nudge(knob, inn)
         other = self.turned(knob, nudge)
         if self.holds(knob, nudge):
             other = self.turned(knob, -nudge)
-        changed = Innovations(inn.recorded, other.linear, other.terms, inn.taps, inn.error_sd)
+        changed = Innovations(inn.recorded, other.linear, other.terms, inn.taps, error_sd)
         return np.asarray((inn.white - changed.white) / (other.value(knob) - self.value(knob)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fitted:
-    """A model on the recording, and where the next Gauss-Newton step would take it."""
+    """A model on the recording, and where the next Gauss-Newton step would take it.
+
+    `normal` and `right` are the equations of the free knobs, all else fitted beside them.
+    """
 
     innovations: Innovations
     loss: float
     columns: list[Vector]
-    change: Vector
     sd: Vector
-    promised: float
+    free: list[int]
+    normal: NDArray[np.float64]
+    right: Vector
+
+    @property
+    def promised(self) -> float:
+        """Gain of the undamped step if everything were linear, nats."""
+        return 0.5 * float(self.right @ np.linalg.solve(self.normal, self.right))
+
+    def change(self, damping: float) -> Vector:
+        """Step of all knobs."""
+        step = np.zeros(self.sd.size)
+        damped = self.normal + damping * np.diag(np.diag(self.normal))
+        step[self.free] = np.linalg.solve(damped, self.right)
+        return step
 
 
 def _fitted(case: Case, model: _Model, beat: _Fitted | None = None) -> _Fitted | None:
     """Look at a model; None if it runs away from the recording, or does not beat another."""
-    before = beat.innovations if beat else case.innovations
+    error_sd = (beat.innovations if beat else case.innovations).error_sd
     weight = case.weight
     try:
-        inn = Innovations(case.recorded, model.linear, model.terms, error_sd=before.error_sd)
+        inn = Innovations(case.recorded, model.linear, model.terms, error_sd=error_sd)
         loss = _loss(inn, weight)
         if beat and loss >= beat.loss:
             return None
-        columns = each(lambda knob: model.slope(knob, inn), model.knobs)
+        columns = each(lambda knob: model.slope(knob, inn, error_sd), model.knobs)
     except Diverged:
         return None
     # Of the nuisance, what the parameters do not stand for.
@@ -306,16 +322,28 @@ def _fitted(case: Case, model: _Model, beat: _Fitted | None = None) -> _Fitted |
     # The whitener is fitted anew to every model, so its taps are parameters as well; their slopes are errors before.
     columns += [np.concatenate([np.zeros(lag), inn.errors[:-lag]]) for lag in range(1, ORDER + 1)]
     evidence = Evidence(inn.white, np.array(columns), weight, [], case.evidence.block)
-    free = list(range(len(columns)))
-    fit = evidence.regress(free)
-    change, sd = fit.coefficients, fit.sd
+    total = evidence.over(evidence.everything)
+    knobs = len(model.knobs)
+    free, others = list(range(knobs)), list(range(knobs, len(columns)))
+    normal, right = _beside(total, free, others)
+    inverse = np.linalg.inv(normal)
     # What stands at a bound and pushes against it stays there, and the others go where they would without it.
-    if held := [i for i, knob in enumerate(model.knobs) if model.holds(knob, float(change[i]))]:
+    held = [i for i, by in enumerate(inverse @ right) if model.holds(model.knobs[i], float(by))]
+    if held:
         free = [i for i in free if i not in held]
-        fit = evidence.regress(free)
-        change = np.zeros(len(columns))
-        change[free] = fit.coefficients
-    return _Fitted(inn, loss, columns, change, sd, fit.gain)
+        normal, right = _beside(total, free, others + held)
+    return _Fitted(inn, loss, columns, np.sqrt(np.diag(inverse)), free, normal, right)
+
+
+def _beside(total: NDArray[np.float64], columns: list[int], others: list[int]) -> tuple[NDArray[np.float64], Vector]:
+    """Normal equations of some columns once others are fitted beside them."""
+    i, o = np.array(columns, dtype=np.int64) + 1, np.array(others, dtype=np.int64) + 1
+    zero_and = np.concatenate([[0], i])  # the errors and the columns
+    size = np.sqrt(np.diag(total))
+    scaled = total / np.outer(size, size) + 1e-12 * np.eye(size.size)
+    projection = np.linalg.solve(scaled[np.ix_(o, o)], scaled[np.ix_(o, zero_and)])
+    rest = scaled[np.ix_(i, zero_and)] - scaled[np.ix_(i, o)] @ projection
+    return rest[:, 1:] * np.outer(size[i], size[i]), rest[:, 0] * size[i] * size[0]
 
 
 def _softened(applied: AppliedTerm) -> AppliedTerm:
