@@ -339,8 +339,9 @@ def _beside(total: NDArray[np.float64], columns: list[int], others: list[int]) -
     """Normal equations of some columns once others are fitted beside them."""
     i, o = np.array(columns, dtype=np.int64) + 1, np.array(others, dtype=np.int64) + 1
     zero_and = np.concatenate([[0], i])  # the errors and the columns
-    size = np.sqrt(np.diag(total))
-    scaled = total / np.outer(size, size) + 1e-12 * np.eye(size.size)
+    # A shape that changes nothing has no slope: it stays, and its interval is as good as without end.
+    size = np.sqrt(np.where(np.diag(total) > 0.0, np.diag(total), 1.0))
+    scaled = total / np.outer(size, size) + 1e-9 * np.eye(size.size)
     projection = np.linalg.solve(scaled[np.ix_(o, o)], scaled[np.ix_(o, zero_and)])
     rest = scaled[np.ix_(i, zero_and)] - scaled[np.ix_(i, o)] @ projection
     return rest[:, 1:] * np.outer(size[i], size[i]), rest[:, 0] * size[i] * size[0]
