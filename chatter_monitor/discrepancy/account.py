@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from chatter_monitor.discrepancy.case import BLOCK_S, Case
+from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.findings import estimate
 from chatter_monitor.discrepancy.locate import whiteness_p
 from chatter_monitor.discrepancy.report import Alternative, Calibration, Estimate, Finding, Fit, Information
@@ -57,7 +57,7 @@ def held_out_fit(case: Case) -> Fit:
     white = case.innovations.white
     explained = case.explained()
     used = case.innovations.used
-    blocks = [(i * BLOCK_S, min((i + 1) * BLOCK_S, case.whole.seconds)) for i in np.flatnonzero(held)]
+    blocks = [(i * case.block_s, min((i + 1) * case.block_s, case.whole.seconds)) for i in np.flatnonzero(held)]
     return Fit(
         [(round(float(a), 3), round(float(b), 3)) for a, b in blocks],
         before,

@@ -22,6 +22,7 @@ from chatter_monitor.physics.model import MachiningSystem
 Vector = NDArray[np.float64]
 
 BLOCK_S = 0.5
+LEAST_BLOCKS = 8  # of a short recording, whose blocks are shorter
 SURE = 1e-5  # chance that is not believed in
 
 
@@ -95,6 +96,11 @@ class Case:
         columns = [c for scored in self.named for c in scored.columns if c not in nuisance]
         fit = self.evidence.regress(columns)
         return np.asarray(self.innovations.white - fit.all_coefficients @ self.matrix[[*nuisance, *columns]])
+
+    @property
+    def block_s(self) -> float:
+        """Length of the blocks, every second of which is held out."""
+        return min(BLOCK_S, self.recorded.seconds / LEAST_BLOCKS)
 
     @property
     def weight(self) -> Vector:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy import basis
 from chatter_monitor.discrepancy.candidates import Candidate, candidates
-from chatter_monitor.discrepancy.case import BLOCK_S, Case
+from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.faults import restlessness
 from chatter_monitor.discrepancy.innovations import Innovations
@@ -56,7 +56,7 @@ def gather(case: Case) -> None:
     unrest = restlessness(inn.white, inn.used, recorded.rate_hz)
     case.unrest = unrest
     weight = case.weight
-    block = max(1, round(BLOCK_S * recorded.rate_hz))
+    block = max(1, round(case.block_s * recorded.rate_hz))
     matrix = np.array(columns)
     case.evidence = Evidence(inn.white, matrix, weight, groups["nuisance"], block)
     case.columns |= groups

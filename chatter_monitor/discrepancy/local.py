@@ -10,7 +10,7 @@ from scipy import stats
 
 from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.candidates import Candidate
-from chatter_monitor.discrepancy.case import BLOCK_S, SURE, Case, Local
+from chatter_monitor.discrepancy.case import SURE, Case, Local
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.name import PRICE_NATS
 
@@ -138,7 +138,7 @@ def _ends(case: Case, column: int, where: slice) -> tuple[float, float]:
     weighted = case.matrix[column] * case.weight**2
     rows = [case.innovations.white, *case.matrix[[column, *evidence.nuisance]]]
     products = np.column_stack([np.add.reduceat(weighted * row, edges[edges < n]) for row in rows])
-    per_block = round(BLOCK_S / ENDS_S)
+    per_block = max(1, round(case.block_s / ENDS_S))
     around = np.arange(-2 * per_block, 2 * per_block + 1)  # a training block and the held-out one beside it
     begins, ends = np.meshgrid(where.start * per_block + around, where.stop * per_block + around, indexing="ij")
     allowed = (begins >= 0) & (ends <= len(products)) & (ends - begins >= per_block)

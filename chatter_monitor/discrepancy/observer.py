@@ -105,7 +105,13 @@ def _steady(phi: Matrix, Q: Matrix, H: Matrix, noise: float) -> tuple[Matrix, fl
     with which it does.
     """
     while True:
-        ahead = linalg.solve_discrete_are(phi.T, H[:, None], Q, np.array([[noise]]))
+        try:
+            ahead = linalg.solve_discrete_are(phi.T, H[:, None], Q, np.array([[noise]]))
+        except ValueError:  # too ill-conditioned, as two modes of one frequency are with hardly any noise
+            if noise > 1.0:
+                raise
+            noise *= 4.0
+            continue
         S = float(H @ ahead @ H + noise)
         K = ahead @ H / S
         closed = phi - np.outer(phi @ K, H)

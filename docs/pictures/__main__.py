@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import io
+import re
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import click
 
+from benchmarks.real import DATA
+from benchmarks.real import diagnosed as diagnosed_real
 from chatter_monitor.config import load
 from chatter_monitor.outlets.dashboard.place import Place
 from chatter_monitor.outlets.event_store import EventStore
@@ -66,7 +70,18 @@ def main(out: Path) -> None:
         with viewer(saved, UNHURRIED_S) as shown:
             shown.save(out / "dashboard_diagnosis.png")
         photograph(Path(folder) / "diagnosis" / "report.html", out / "report_diagnosis.png", width=900, height=960)
+        real_turning(Path(folder) / "real", out)
         photograph(reported(Path(folder)), out / "report_event.png", width=900, height=1300)
+
+
+def real_turning(folder: Path, out: Path) -> None:
+    """Take the maps out of the report on the real turning recording that chatters, where it is at hand."""
+    if not DATA.is_dir():
+        return
+    diagnosed_real("turning_chatter", folder)
+    picture = re.search(r"data:image/png;base64,([^\"]+)", (folder / "report.html").read_text(encoding="utf-8"))
+    if picture:
+        (out / "real_turning.png").write_bytes(base64.b64decode(picture[1]))
 
 
 def diagnosed(folder: Path) -> Path:

@@ -163,3 +163,11 @@ def test_a_delay_that_was_found_travels_as_json():
     modes = (Mode(machine.frequency_hz, machine.damping_ratio),)
     report = diagnosed(machine, 103, MachiningSystem(modes, spindle=Spindle(60.0 / machine.delay_s * 1.01))).report
     assert json.loads(report.to_json())["located"]["lag_s"] == pytest.approx(machine.delay_s, rel=0.003)
+
+
+def test_a_second_is_enough_for_an_answer():
+    """A recording of 1 s with many periods is cut into shorter blocks and answered, with half of it held out."""
+    report = diagnosed(Machine(frequency_hz=1100.0, seconds=1.0), 113).report
+    assert report.verdict in ("none", "parameters"), report.summary
+    held = sum(end - begin for begin, end in report.fit.held_out_s)
+    assert held == pytest.approx(0.5, abs=0.13)
