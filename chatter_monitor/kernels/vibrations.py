@@ -65,9 +65,9 @@ class Odds(NamedTuple):
         for it may be another machine's.
     """
 
-    offset: float = -2.0
+    offset: float = -1.7
     dominance: float = 5.0
-    unknown_speed: float = -0.8
+    unknown_speed: float = -0.6
     off_found: float = 0.5
 
 
