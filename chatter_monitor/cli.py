@@ -30,6 +30,7 @@ def cli() -> None:
 @CONFIG
 @click.option("--spindle-rpm", type=float, help="Spindle speed, if it is known.")
 @click.option("--teeth", type=int, help="Cutting edges of the tool (1 for turning).")
+@click.option("--model", type=click.Path(path_type=Path), help="Model file to compare the signal with while it runs.")
 @click.option("--pace", type=click.Choice(["fast", "real"]), default="fast", help="As fast as possible, or as it was.")
 @click.option("--publish", is_flag=True, help="Publish over ZeroMQ as well.")
 @click.option(
@@ -56,6 +57,7 @@ def replay(
     configs: tuple[Path, ...],
     spindle_rpm: float | None,
     teeth: int | None,
+    model: Path | None,
     pace: str,
     publish: bool,
     wait_subscriber: float,
@@ -79,8 +81,10 @@ def replay(
 
     spindle: dict[str, Any] = {"speed_rpm": spindle_rpm, "teeth": teeth}
     overrides = {"spindle": {key: value for key, value in spindle.items() if value is not None}}
+    if model is not None:
+        overrides["model"] = {"file": str(model)}
     if out is not None:
-        _refuse_given(context, "--out", "pace", "publish", "wait_subscriber", "jsonl", "odp_table", "record")
+        _refuse_given(context, "--out", "model", "pace", "publish", "wait_subscriber", "jsonl", "odp_table", "record")
         _replay_archive(files, out, merged_tables(configs, overrides), jobs, scheduler, as_json)
         return
     _refuse_given(context, "a single recording (say --out DIR)", "jobs", "scheduler")

@@ -29,11 +29,16 @@ from chatter_monitor.outlets.wire import (
     schema_name,
     topic_of,
 )
-from chatter_monitor.records import Event, Flag, Health, OdpFrame, SignalFrame, Verdict
+from chatter_monitor.records import Event, Flag, Health, Mismatch, OdpFrame, SignalFrame, Verdict
 
 __all__ = ["Received", "Subscriber"]
 
-BODIES: dict[str, type[Verdict | Event | Health]] = {"verdict": Verdict, "event": Event, "health": Health}
+BODIES: dict[str, type[Verdict | Event | Health | Mismatch]] = {
+    "verdict": Verdict,
+    "event": Event,
+    "health": Health,
+    "mismatch": Mismatch,
+}
 KINDS = ("odp", "signal", *BODIES)
 
 
@@ -181,7 +186,7 @@ def _read(parts: list[bytes]) -> Received:
     kind = topic.partition(".")[0]
     _check_version(kind, msgspec.json.decode(parts[1], type=_Version).schema)
     header: Header
-    body: OdpFrame | SignalFrame | Verdict | Event | Health
+    body: OdpFrame | SignalFrame | Verdict | Event | Health | Mismatch
     if kind == "odp":
         header = msgspec.json.decode(parts[1], type=OdpHeader)
         body = _frame(header, parts[2:])

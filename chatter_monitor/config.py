@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import msgspec
 
 from chatter_monitor.acquisition.settings import InputSettings
+from chatter_monitor.discrepancy.live.settings import ModelSettings
 from chatter_monitor.errors import InputError
 from chatter_monitor.outlets.control import ControlSettings
 from chatter_monitor.outlets.event_files import read
@@ -48,6 +49,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tracker: TrackerSettings = TrackerSettings()
     orders: OrderSettings = OrderSettings()
     verdict: JudgeSettings = JudgeSettings()
+    model: ModelSettings = ModelSettings()
     publish: PublishSettings = PublishSettings()
     control: ControlSettings = ControlSettings()
     metrics: MetricsSettings = MetricsSettings()

@@ -219,6 +219,25 @@ class Event(Message, frozen=True, tag="event"):
     recording: str | None = None
 
 
+class Mismatch(Message, frozen=True, tag="mismatch"):
+    """How the running simulation and the signal stand to each other, when that changes and while they differ."""
+
+    channel: int
+    t: float
+    sample: int
+    since_s: float
+    outcome: Literal["none", "parameters", "missing_physics", "unknown"]
+    effect: str | None = None
+    sense: str | None = None
+    parameters: dict[str, float] = {}
+    evidence_nats: float = 0.0
+    runner_up: str | None = None
+    distance_nats: float | None = None
+    band_hz: tuple[float, float] | None = None
+    amplitude: float | None = None
+    summary: str = ""
+
+
 class Health(Message, frozen=True, tag="health"):
     """How well the monitor hears, every second and when it stops or begins to hear."""
 

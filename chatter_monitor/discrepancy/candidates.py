@@ -6,7 +6,7 @@ the bounds that physics puts on it. Shapes are relative to the rms displacement 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -78,7 +78,12 @@ class Candidate:
 
 
 def candidates(
-    sd_x: float, sd_v: float, spindle: Spindle | None, present: Sequence[str] = (), regenerates: bool = False
+    sd_x: float,
+    sd_v: float,
+    spindle: Spindle | None,
+    present: Sequence[str] = (),
+    regenerates: bool = False,
+    shapes: Mapping[tuple[str, str], tuple[str, tuple[float, ...]]] = SHAPES,
 ) -> list[Candidate]:
     """All candidates for a motion of that size.
 
@@ -92,6 +97,8 @@ def candidates(
         Terms that the model has already.
     regenerates : bool
         The machine has a delay; then the tool may leave the cut.
+    shapes : mapping
+        Grid of the shape parameters.
     """
     scale = {"x": sd_x, "v": sd_v, "1": 1.0}
     found = []
@@ -100,15 +107,15 @@ def candidates(
         if (term.name in ELSEWHERE and not leaves) or term.name in present or (term.delayed and spindle is None):
             continue
         linear = tuple(i for i, p in enumerate(term.parameters) if p.linear)
-        shapes = [i for i in range(len(term.parameters)) if i not in linear]
+        shaped = [i for i in range(len(term.parameters)) if i not in linear]
         grids = []
-        for i in shapes:
-            relative, multiples = SHAPES[term.name, term.parameters[i].name]
+        for i in shaped:
+            relative, multiples = shapes[term.name, term.parameters[i].name]
             grids.append([scale[relative] * m for m in multiples])
         for point in product(*grids):
             searched = sum(len(grid) > 1 and value != 0.0 for grid, value in zip(grids, point, strict=True))
             values = [0.0] * len(term.parameters)
-            for i, value in zip(shapes, point, strict=True):
+            for i, value in zip(shaped, point, strict=True):
                 values[i] = value
             found.append(Candidate(term, tuple(values), linear, searched))
     return found

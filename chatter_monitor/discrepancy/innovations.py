@@ -94,7 +94,7 @@ class Innovations:
         self.observer = steady if error_sd is None else sized(steady, error_sd)
         self.errors = np.empty(n)
         self.motion = Motion(*(np.zeros((2, n)) for _ in range(3)))
-        memory = self._memory()
+        memory = self.memory()
         self.settled = trusted(recorded.missing, memory)
         self.used = trusted(recorded.missing, ORDER + 2 * memory)
         known = known_forces(self.terms)
@@ -107,7 +107,7 @@ class Innovations:
         self.taps = whitener(self.errors, self.used) if taps is None else taps
         self.white = whitened(self.errors, self.taps)
 
-    def _memory(self) -> int:
+    def memory(self) -> int:
         """Samples after which the filter has forgotten an error."""
         o = self.observer
         closed = o.transition @ (np.eye(o.gain.size) - np.outer(o.gain, o.output))

@@ -8,11 +8,11 @@ from pathlib import Path
 from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.wire import encode
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Event, Health, Mismatch, Odp, OdpFrame, Verdict
 
 
 class JsonLines(Outlet):
-    """Writes ODP summaries, verdicts, events and health as JSON lines.
+    """Writes ODP summaries, verdicts, events, mismatches and health as JSON lines.
 
     A number that is not finite becomes null. Whoever follows the file is behind by one `Health` message at most.
 
@@ -49,6 +49,10 @@ class JsonLines(Outlet):
         if isinstance(message, Health):
             self._flush()
 
+    def mismatch(self, mismatch: Mismatch) -> None:
+        """Write the message."""
+        self._write(mismatch)
+
     def close(self) -> None:
         """Write what is buffered and close the file."""
         if not self._owned:
@@ -59,7 +63,7 @@ class JsonLines(Outlet):
         except OSError as error:
             raise self._fault(error) from error
 
-    def _write(self, message: Odp | Verdict | Event | Health) -> None:
+    def _write(self, message: Odp | Verdict | Event | Health | Mismatch) -> None:
         try:
             self._file.write(encode(message) + b"\n")
         except OSError as error:

@@ -33,7 +33,7 @@ from chatter_monitor.outlets.wire import (
     schema_name,
     topic_of,
 )
-from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, SignalFrame, Verdict
+from chatter_monitor.records import Block, Event, Health, Mismatch, Odp, OdpFrame, SignalFrame, Verdict
 from chatter_monitor.tracking.orders import Orders
 
 LINGER_MS = 2000  # how long closing may wait for subscribers that are slow to take the last messages
@@ -227,6 +227,11 @@ class Publisher(Outlet):
                 sample0 = self._clock.sample_at(message.t)
         topic = topic_of(message)
         self._send(topic, self._header(topic, sample0), encode(message))
+
+    def mismatch(self, mismatch: Mismatch) -> None:
+        """Publish how the running simulation and the signal stand to each other."""
+        topic = topic_of(mismatch)
+        self._send(topic, self._header(topic, mismatch.sample), encode(mismatch))
 
     def wait_for_subscriber(self, timeout_s: float) -> bool:
         """Wait until somebody subscribes to anything; tell whether somebody has."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from chatter_monitor.outlets.wire import topic_of
-from chatter_monitor.records import Event, Health, OdpFrame, SignalFrame, Verdict
+from chatter_monitor.records import Event, Health, Mismatch, OdpFrame, SignalFrame, Verdict
 
 
 class Thinning:
@@ -19,10 +19,12 @@ class Thinning:
         self._every_s = every_s
         self._last: dict[str, tuple[str, float]] = {}
 
-    def passed(self, message: OdpFrame | SignalFrame | Verdict | Event | Health) -> Verdict | Event | Health | None:
+    def passed(
+        self, message: OdpFrame | SignalFrame | Verdict | Event | Health | Mismatch
+    ) -> Verdict | Event | Health | Mismatch | None:
         """Return the message if it goes on; frames never do."""
         match message:
-            case Event():
+            case Event() | Mismatch():
                 return message
             case Verdict():
                 now = message.t1

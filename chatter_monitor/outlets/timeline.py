@@ -14,7 +14,7 @@ from rich.text import Text
 
 from chatter_monitor.outlets.look import SEVERITY, STATES
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, State, Verdict
+from chatter_monitor.records import Event, Health, Mismatch, Odp, OdpFrame, State, Verdict
 
 # Shorter stretches are shown with the one before: a table that a person reads has few rows. Alarms are never hidden,
 # nor is loss, which must not read as whatever surrounds it.
@@ -62,6 +62,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     channels: int
     seconds_in: list[dict[str, float]]
     events: list[Event]
+    mismatches: list[Mismatch]
     samples_lost: int
     samples_missing: int
     samples_clipped: int
@@ -82,6 +83,7 @@ class Timeline(Outlet):
         self._seconds: list[dict[str, float]] = [{} for _ in range(channels)]
         self.events: list[Event] = []
         self._health: Health | None = None
+        self.mismatches: list[Mismatch] = []
 
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Nothing: the verdicts tell the story."""
@@ -95,6 +97,10 @@ class Timeline(Outlet):
                 self.events.append(message)
             case Health():
                 self._health = message
+
+    def mismatch(self, mismatch: Mismatch) -> None:
+        """Keep what is new."""
+        self.mismatches.append(mismatch)
 
     def close(self) -> None:
         """Nothing to give back."""
@@ -134,6 +140,7 @@ class Timeline(Outlet):
             channels=len(self._stretches),
             seconds_in=[{state: round(s, 3) for state, s in seconds.items()} for seconds in self._seconds],
             events=self.events,
+            mismatches=self.mismatches,
             samples_lost=health.lost if health else 0,
             samples_missing=samples_missing,
             samples_clipped=health.clipped if health else 0,
@@ -158,6 +165,9 @@ class Timeline(Outlet):
                         style="bold red",
                         highlight=False,
                     )
+            for mismatch in self.mismatches:
+                if mismatch.channel == channel:
+                    console.print(f"  At {mismatch.t:.1f} s: {mismatch.summary}", highlight=False, soft_wrap=True)
             totals = ", ".join(f"{STATES[s].word} {t:.1f} s" for s, t in sorted(summary.seconds_in[channel].items()))  # type: ignore[index]
             console.print(f"  {summary.duration_s:.1f} s in all: {totals}.", highlight=False, soft_wrap=True)
         for count, what in (

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, SignalFrame, Verdict
+from chatter_monitor.records import Event, Health, Mismatch, Odp, OdpFrame, SignalFrame, Verdict
 
 DEFAULT_ENDPOINT = "tcp://127.0.0.1:5557"
 # At 20 verdict intervals a second, each one ODP and one verdict message: 100 s of one channel before anything is lost,
@@ -105,16 +105,16 @@ class Received:
         Such as ``odp.0`` or ``health``.
     header : Header
         An `OdpHeader` on ``odp.<channel>``, with the interval's summary in ``odp``.
-    body : OdpFrame, SignalFrame, Verdict, Event or Health
+    body : OdpFrame, SignalFrame, Verdict, Event, Health or Mismatch
         The arrays of a frame are read-only views of the received buffers.
     """
 
     topic: str
     header: Header
-    body: OdpFrame | SignalFrame | Verdict | Event | Health
+    body: OdpFrame | SignalFrame | Verdict | Event | Health | Mismatch
 
 
-def topic_of(result: OdpFrame | SignalFrame | Verdict | Event | Health) -> str:
+def topic_of(result: OdpFrame | SignalFrame | Verdict | Event | Health | Mismatch) -> str:
     """Topic of a frame or a message; up to the first dot it is the kind."""
     match result:
         case SignalFrame():
@@ -123,6 +123,8 @@ def topic_of(result: OdpFrame | SignalFrame | Verdict | Event | Health) -> str:
             return f"odp.{result.channel}"
         case Verdict():
             return f"verdict.{result.channel}"
+        case Mismatch():
+            return f"mismatch.{result.channel}"
         case Event():
             return "event"
         case Health():
@@ -130,7 +132,7 @@ def topic_of(result: OdpFrame | SignalFrame | Verdict | Event | Health) -> str:
 
 
 def schema_name(kind: str) -> str:
-    """Name and version of the messages of one kind (odp, signal, verdict, event, health)."""
+    """Name and version of the messages of one kind (odp, signal, verdict, event, mismatch, health)."""
     return f"chatter-monitor/{kind}/{SCHEMA_MAJOR}"
 
 

@@ -16,7 +16,7 @@ from chatter_monitor.records import Health
 from chatter_monitor.service.told import until_told
 
 # What a bridge subscribes to.
-TOPICS = ("verdict", "event", "health")
+TOPICS = ("verdict", "event", "mismatch", "health")
 PATIENCE_S = 0.1  # also the longest that an agent waits for its answer
 SILENT_S = 5.0  # health comes every second
 

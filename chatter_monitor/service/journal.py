@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Event, Health, Mismatch, Odp, OdpFrame, Verdict
 
 # Priorities of syslog(3), which journald reads from the start of a line.
 PRIORITIES = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
@@ -66,6 +66,7 @@ class Story(Outlet):
     def __init__(self) -> None:
         self._problems: dict[str, str] = {}  # as they were told, by their words without the numbers
         self._alarmed: set[int] = set()
+        self._mismatches: dict[int, tuple[str, str | None, str | None]] = {}
 
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Nothing: it would be 20 lines a second."""
@@ -87,6 +88,14 @@ class Story(Outlet):
                 )
             case Health():
                 self._health(message)
+
+    def mismatch(self, mismatch: Mismatch) -> None:
+        """Tell when simulation and signal begin to differ otherwise than before, and when they agree again."""
+        told = mismatch.outcome, mismatch.effect, mismatch.sense
+        if self._mismatches.get(mismatch.channel) != told:
+            self._mismatches[mismatch.channel] = told
+            level = logging.INFO if mismatch.outcome == "none" else logging.WARNING
+            _log.log(level, "channel %d: %s", mismatch.channel, mismatch.summary)
 
     def close(self) -> None:
         """Nothing to give back."""

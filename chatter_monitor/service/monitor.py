@@ -15,6 +15,7 @@ from chatter_monitor.config import Settings
 from chatter_monitor.outlets.control import Command, Mark, SetSpindle
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Event, Flag, Health, Mode, Odp, OdpFrame, Verdict
+from chatter_monitor.service.watching import Watching
 from chatter_monitor.tracking.channel import Channel, Observation
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S
@@ -133,6 +134,11 @@ class Monitor:
         self._judges = [Judge(settings.verdict, c, interval_s=INTERVAL_S) for c in range(source.channels)]
         self._events = EventLog(session, settings.spindle)
         self._spindle = settings.spindle
+        self._watching = None
+        if settings.model.file is not None:
+            self._watching = Watching(
+                settings.model, settings.spindle, source.channels, settings.tracker.sample_rate_hz
+            )
         self._tally = Tally()
 
     def run(self) -> Iterator[int]:
@@ -159,8 +165,7 @@ class Monitor:
                 self._deliver([*channel.process(block.first_sample, block.samples[:, number], flags)])
             if len(block.samples):
                 self._tally.latencies_s.append(self._clock() - (began if block.arrived_s is None else block.arrived_s))
-            for channel in self._channels:  # now that all verdicts are out
-                channel.digest()
+            self._digest()
             while end >= health_due:
                 self._send(self._health(health_due / self._source.sample_rate_hz, finished=False))
                 health_due += self._source.sample_rate_hz
@@ -169,6 +174,7 @@ class Monitor:
             yield end
         for channel in self._channels:
             self._deliver([*channel.finish()])
+        self._digest()
         for number in range(len(self._channels)):
             event = self._events.finish(number)
             if event is not None:
@@ -198,6 +204,8 @@ class Monitor:
         self._events.set_spindle(spindle)
         for channel in self._channels:
             channel.set_spindle(spindle)
+        if self._watching is not None:
+            self._watching.set_spindle(spindle)
         for outlet in self._outlets:
             outlet.spindle(spindle)
 
@@ -218,6 +226,16 @@ class Monitor:
             event = self._events.follow(verdict)
             if event is not None:
                 self._send(event)
+            if self._watching is not None:
+                self._watching.hear(frame)
+
+    def _digest(self) -> None:
+        """Do what nobody waits for, now that all verdicts are out."""
+        for channel in self._channels:
+            channel.digest()
+        for mismatch in self._watching.digest() if self._watching is not None else ():
+            for outlet in self._outlets:
+                outlet.mismatch(mismatch)
 
     def _send(self, message: Verdict | Event | Health) -> None:
         for outlet in self._outlets:

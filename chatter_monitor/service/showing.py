@@ -16,12 +16,12 @@ from chatter_monitor.outlets.dashboard.place import Place, Shown, open_place
 from chatter_monitor.outlets.dashboard.screen import Screen
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.wire import Received
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, SignalFrame, Verdict
+from chatter_monitor.records import Event, Health, Mismatch, Odp, OdpFrame, SignalFrame, Verdict
 from chatter_monitor.service.replay import Replay
 from chatter_monitor.service.told import until_told
 
 # What the dashboard subscribes to.
-TOPICS = ("odp", "signal", "verdict", "event", "health")
+TOPICS = ("odp", "signal", "verdict", "event", "health", "mismatch")
 SHORTEST_SPAN_S, LONGEST_SPAN_S = 5.0, 60.0
 PATIENCE_S = 0.2
 
@@ -67,6 +67,8 @@ def draw(screen: Screen, message: Received) -> None:
             screen.odp(body)
         case SignalFrame():
             screen.signal(body)
+        case Mismatch():
+            screen.mismatch(body)
         case _:
             screen.message(body)
 

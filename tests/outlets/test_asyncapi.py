@@ -24,12 +24,26 @@ from chatter_monitor.outlets.wire import (
     Payload,
     SignalHeader,
 )
-from chatter_monitor.records import Advice, Event, Flag, Health, Mode, Odp, State, Verdict
+from chatter_monitor.records import Advice, Event, Flag, Health, Mismatch, Mode, Odp, State, Verdict
 
 WAIT_S = 200.0
 DOCUMENT: dict[str, Any] = yaml.safe_load((Path(__file__).parents[2] / "docs/asyncapi.yaml").read_text())
 SCHEMAS = DOCUMENT["components"]["schemas"]
-STRUCTS = (Header, OdpHeader, SignalHeader, Payload, Odp, Mode, Verdict, Event, Advice, Health)
+MISMATCH = Mismatch(
+    channel=0,
+    t=31.5,
+    sample=403200,
+    since_s=29.8,
+    outcome="missing_physics",
+    effect="clearance",
+    parameters={"coefficient": 0.17, "gap": 0.8},
+    evidence_nats=31.0,
+    runner_up="cubic_stiffness",
+    distance_nats=4.0,
+    band_hz=(396.0, 404.0),
+    amplitude=1.1,
+)
+STRUCTS = (Header, OdpHeader, SignalHeader, Payload, Odp, Mode, Verdict, Event, Advice, Health, Mismatch)
 
 
 def validate(text: bytes, reference: str) -> None:
@@ -87,7 +101,8 @@ def test_real_messages_are_as_documented(publisher, make_interval, make_block, o
         publisher.frame(*make_interval())  # now with a signal
         for message in messages:
             publisher.message(message)
-        for _ in range(len(intervals) + 2 + len(messages)):
+        publisher.mismatch(MISMATCH)
+        for _ in range(len(intervals) + 3 + len(messages)):
             topic, header, *payload = subscriber.recv_multipart()
             name = channel_of(topic.decode())
             seen.add(name)

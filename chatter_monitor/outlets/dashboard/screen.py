@@ -9,7 +9,7 @@ from chatter_monitor.outlets.dashboard.blueprint import blueprint
 from chatter_monitor.outlets.dashboard.channel import ChannelViews
 from chatter_monitor.outlets.dashboard.stream import Stream
 from chatter_monitor.outlets.look import ORANGE, SKY_BLUE, VERMILLION, WHITE
-from chatter_monitor.records import Event, Health, OdpFrame, SignalFrame, Verdict
+from chatter_monitor.records import Event, Health, Mismatch, OdpFrame, SignalFrame, Verdict
 
 LIVE_SPAN_S = 20.0
 
@@ -63,6 +63,12 @@ class Screen:
                     self._stream.at(self._time(message.end_s), "events/chatter", text)
             case Health():
                 self._health(self._time(message.t), message)
+
+    def mismatch(self, mismatch: Mismatch) -> None:
+        """Write down how the running simulation and the signal stand to each other."""
+        quiet = mismatch.outcome == "none"
+        text = rr.TextLog(mismatch.summary, level=rr.TextLogLevel.INFO if quiet else rr.TextLogLevel.WARN)
+        self._stream.at(self._time(mismatch.t), "events/mismatch", text)
 
     def close(self) -> None:
         """Bring out what is buffered."""

@@ -1,0 +1,1 @@
+"""Simulation against a running signal: the signature engine, recursively."""

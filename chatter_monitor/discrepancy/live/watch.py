@@ -1,0 +1,268 @@
+"""A running signal beside the simulation of its machine: what the simulation lacks, once there is evidence for it.
+
+An *epoch* is a stretch in which the machine stays what it is. At its start, and whenever it is twice as old, the linear
+base is fitted to all of it, and the signal runs once more through the new observer. Two kinds of evidence accumulate
+over the newest 1, 2, 4, ... blocks: that the errors have changed since before, which begins another epoch, and that
+signatures of missing forces are in them. What is older than the longest window is forgotten.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.discrepancy.basis import scales
+from chatter_monitor.discrepancy.candidates import SHAPES, Candidate, candidates
+from chatter_monitor.discrepancy.live.decimate import Decimator
+from chatter_monitor.discrepancy.live.found import Found, Named, nonlinear, of_force, of_omission, of_parameters
+from chatter_monitor.discrepancy.live.history import History
+from chatter_monitor.discrepancy.live.refit import Refit, refit
+from chatter_monitor.discrepancy.live.stream import CHUNK, NUISANCE, Stream
+from chatter_monitor.discrepancy.live.windows import Blocks
+from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.errors import InputError
+from chatter_monitor.physics.model import MachiningSystem
+from chatter_monitor.physics.parts import Spindle
+
+FASTEST = 0.45  # mode, over the rate of the signal
+KEEP_S = 64.0  # of the signal, and the longest window
+BLOCK_S = 0.5
+FIRST_FIT_S = 1.0
+FIRST_FIT_PERIODS = 300.0  # of the first mode, at least
+LAST_FIT_S = 32.0
+LEAST_PRESENT = 0.5  # share of the samples of an epoch
+CATCH_UP = 8  # times the pace of the signal, when it runs through a new observer
+CHANGED_P = 1e-9  # of errors that are as before, in one window
+RETUNED_P = 1e-8  # of the parameters of the model file
+MATERIAL = 0.15  # change of the damping over itself, or of the frequency over half the bandwidth, worth a word
+BEFORE = 8  # blocks, at least, that a window is compared with
+LEAST_BLOCKS = 2  # of a window that a force is named by
+RETUNED = 2  # columns, of a spring and a damper, in which a change is looked for
+MARGIN_NATS = 3.0  # by which another name has to lead, to be taken
+# Fewer shapes than a recording is searched for: the cost is paid at every sample.
+COARSE = {
+    **SHAPES,
+    ("clearance", "gap"): ("x", (0.4, 1.2)),
+    ("coulomb_friction", "width"): ("v", (0.0,)),
+    ("stribeck_friction", "stribeck_velocity"): ("v", (0.35,)),
+    ("hysteresis", "yield_displacement"): ("x", (0.7,)),
+    ("hysteresis", "sharpness"): ("1", (0.5,)),
+}
+
+
+@dataclass(eq=False)
+class _Epoch:
+    """A stretch in which the machine stays what it is."""
+
+    first: int
+    fit_due: int
+    refit: Refit | None = None
+    stream: Stream | None = None
+    entries: list[tuple[Candidate, list[int]]] | None = None
+    position: int = 0
+    rows: list[NDArray[np.float64]] = field(default_factory=list)
+    blocks: Blocks | None = None
+    count: int = 0
+    named: dict[int, Named] = field(default_factory=dict)
+
+
+class Watch:
+    """One channel beside a model.
+
+    Parameters
+    ----------
+    system : MachiningSystem
+        The model; its spindle speed counts.
+    rate_hz : float
+        Of the signal.
+
+    Raises
+    ------
+    InputError
+        If the model's modes are too fast for it.
+    """
+
+    def __init__(self, system: MachiningSystem, rate_hz: float) -> None:
+        highest = max(mode.frequency_hz for mode in system.modes)
+        if highest > FASTEST * rate_hz:
+            raise InputError(
+                "the signal does not reach the model's modes",
+                got=f"{highest:g} Hz",
+                allowed=f"<= {FASTEST * rate_hz:g} Hz",
+                remedy="Raise [tracker] sample_rate_hz, or leave the mode out.",
+            )
+        self._decimator = Decimator(rate_hz, highest)
+        self._rate_hz = rate = self._decimator.rate_hz
+        self._system = system
+        self._block = max(1, round(BLOCK_S * rate / CHUNK))  # in chunks
+        self._windows = [1 << k for k in range(round(math.log2(KEEP_S / BLOCK_S)) + 1)]
+        self._history = History(round(KEEP_S * rate) + 2 * CHUNK, rate)
+        self._first_fit = round(max(FIRST_FIT_S, FIRST_FIT_PERIODS / system.modes[0].frequency_hz) * rate)
+        self._last_fit = round(LAST_FIT_S * rate)
+        self._work: Iterator[Refit | None] | None = None
+        self._begin(0)
+
+    def set_spindle(self, spindle: Spindle) -> None:
+        """Go by another speed from now on."""
+        if spindle != self._system.spindle:
+            self._system = replace(self._system, spindle=spindle)
+            self._begin(self._history.end)
+
+    def sample_of(self, number: int) -> int:
+        """Number of the sample of the signal at sample `number` of what is watched."""
+        return int(number / self._decimator.ratio)
+
+    def take(self, samples: NDArray[np.float64]) -> Found | None:
+        """Take samples, NaN where they are missing.
+
+        Returns
+        -------
+        Found or None
+            How things stand; None while it is not known.
+        """
+        lowered, missing = self._decimator.take(samples)
+        self._history.append(lowered / self._system.sensor.gain, missing)
+        epoch, found = self._epoch, None
+        for _ in range(CATCH_UP * -(-lowered.size // CHUNK)):
+            if epoch.stream is None or epoch.position + CHUNK > self._history.end:
+                break
+            found = self._advance(epoch, epoch.stream) or found
+            if self._epoch is not epoch:
+                return None
+        self._fit(epoch)
+        return found
+
+    def _begin(self, first: int) -> None:
+        self._work = None
+        self._epoch = _Epoch(first, first + self._first_fit, position=first)
+
+    def _fit(self, epoch: _Epoch) -> None:
+        """One step of fitting the base, where it is due: to all of the epoch."""
+        end = self._history.end
+        if self._work is not None:
+            result = next(self._work)
+            if result is not None:
+                self._work = None
+                self._adopt(epoch, result)
+            return
+        if end < epoch.fit_due or (epoch.stream is not None and epoch.position + CHUNK <= end):
+            return
+        age = end - epoch.first
+        epoch.fit_due = epoch.first + 2 * age if 2 * age <= self._last_fit else 1 << 62
+        recorded = self._history.between(max(epoch.first, self._history.start), end)
+        present = ~recorded.missing
+        if np.mean(present) < LEAST_PRESENT or float(np.std(recorded.samples[present])) == 0.0:
+            self._begin(end)
+            return
+        mean = float(np.mean(recorded.samples[present]))
+        recorded = replace(recorded, samples=np.where(present, recorded.samples - mean, 0.0))
+        system, sensor = self._system, self._system.sensor
+        delayed = [a for a in system.terms if a.term.name == "regenerative_delay"]
+        given = Linear(system.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, system.spindle)
+        if delayed and system.spindle is not None:
+            given = replace(given, delay_s=system.spindle.delay_s, regeneration=delayed[0].values[0])
+        self._work = refit(recorded, given, tuple(a for a in system.terms if a not in delayed))
+
+    def _adopt(self, epoch: _Epoch, result: Refit) -> None:
+        """Let the epoch run through the new observer."""
+        base = result.base
+        sd_x, sd_v = scales(base.motion)
+        present = [applied.term.name for applied in base.terms]
+        tried = candidates(sd_x, sd_v, base.linear.spindle, present, shapes=COARSE)
+        units: dict[tuple[float, ...], tuple[Candidate, int]] = {}
+        for candidate in tried:
+            for i in candidate.linear:
+                units.setdefault(candidate.acts(i), (candidate, i))
+        at = {acts: NUISANCE + number for number, acts in enumerate(units)}
+        epoch.entries = [(c, [at[c.acts(i)] for i in c.linear]) for c in tried]
+        epoch.refit, epoch.stream = result, Stream(base, [*units.values()])
+        epoch.position = max(epoch.first, self._history.start)
+        epoch.blocks = Blocks(self._windows[-1], 1 + NUISANCE + len(units), self._block * CHUNK)
+        epoch.rows, epoch.count, epoch.named = [], 0, {}
+
+    def _advance(self, epoch: _Epoch, stream: Stream) -> Found | None:
+        """One chunk on; how things stand, if it completes a block."""
+        first, blocks = epoch.position, epoch.blocks
+        part = self._history.between(first, first + CHUNK)
+        epoch.position += CHUNK
+        if not stream.take(first, part.samples, part.missing):
+            epoch.rows = []
+            return None
+        epoch.rows.append(stream.white)
+        if len(epoch.rows) < self._block or blocks is None:
+            return None
+        samples = self._block * CHUNK
+        blocks.append(epoch.position - samples, np.concatenate(epoch.rows))
+        epoch.rows = []
+        epoch.count += 1
+        onset = self._changed(epoch, blocks)
+        if onset is not None:
+            self._begin(onset)
+            return None
+        if self._work is not None or epoch.position + samples <= self._history.end:
+            return None  # it is still catching up
+        return self._judge(epoch, blocks)
+
+    def _changed(self, epoch: _Epoch, blocks: Blocks) -> int | None:
+        """First sample of a change, if there is one: of the window in which it shows most."""
+        for size in self._due(epoch):
+            if len(blocks) < size + BEFORE:
+                break
+            if blocks.changed_p(size, RETUNED) < CHANGED_P:
+                sizes = range(max(1, size // 2), min(2 * size, len(blocks) - BEFORE) + 1)
+                best = min(sizes, key=lambda n: blocks.changed_p(n, RETUNED))
+                return blocks.firsts[-best]
+        return None
+
+    def _due(self, epoch: _Epoch) -> Iterator[int]:
+        """Windows whose turn it is: each four times while it passes."""
+        return (size for size in self._windows if epoch.count % max(1, size // 4) == 0)
+
+    def _name(self, epoch: _Epoch, blocks: Blocks) -> None:
+        """Ask the windows whose turn it is, and all blocks together while the epoch is young."""
+        entries = epoch.entries or []
+        favourite = max(epoch.named.values(), key=lambda each: each.evidence_nats, default=None)
+        sizes = [size for size in self._due(epoch) if size >= LEAST_BLOCKS]
+        if len(blocks) < self._windows[-1]:
+            epoch.named.pop(len(blocks) - 1, None) if len(blocks) - 1 not in self._windows else None
+            sizes.append(len(blocks))
+        for size in sizes:
+            if size > len(blocks):
+                continue
+            name = favourite.candidate.name if favourite else None
+            named = nonlinear(blocks.newest(size), NUISANCE, entries, name, MARGIN_NATS)
+            if named is None:
+                epoch.named.pop(size, None)
+            else:
+                epoch.named[size] = named
+
+    def _judge(self, epoch: _Epoch, blocks: Blocks) -> Found | None:
+        """How things stand at the end of a block."""
+        result = epoch.refit
+        if result is None:
+            return None
+        self._name(epoch, blocks)
+        if epoch.named:
+            size, named = max(epoch.named.items(), key=lambda item: item[1].evidence_nats)
+            if named.evidence_nats > result.gain_nats:
+                return of_force(named, blocks.firsts[-size], result.rms)
+        since = blocks.firsts[0]
+        if result.omission is not None:
+            return of_omission(result, since)
+        if result.retuned_p < RETUNED_P and self._material(result.fitted.linear):
+            return of_parameters(result, since)
+        return Found("none", since, amplitude=result.rms)
+
+    def _material(self, linear: Linear) -> bool:
+        """Whether the fitted modes differ from those of the model by enough to be worth a word."""
+        for given, now in zip(self._system.modes, linear.modes, strict=False):
+            half_width = given.damping_ratio * given.frequency_hz
+            if abs(now.frequency_hz - given.frequency_hz) > MATERIAL * half_width:
+                return True
+            if abs(now.damping_ratio / given.damping_ratio - 1.0) > MATERIAL:
+                return True
+        return False

@@ -1,0 +1,107 @@
+"""A running signal beside a simulation: what is said about it, and when."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from chatter_monitor.discrepancy.live.decimate import Decimator
+from chatter_monitor.discrepancy.live.found import Found
+from chatter_monitor.discrepancy.live.watch import Watch
+from chatter_monitor.physics.model import MachiningSystem
+from chatter_monitor.physics.parts import Mode, Sensor
+from tests.discrepancy.machine import Machine, record
+
+RATE_HZ = 12800.0
+FRAME = 640
+BEGINS_S = 12.0
+MODEL = MachiningSystem(modes=(Mode(400.0, 0.02),), sensor=Sensor("displacement"))
+
+
+@cache
+def recorded(effect: str) -> np.ndarray:
+    """A machine to which something happens after 12 s of 24 s."""
+    return record(Machine(effect=effect, seconds=24.0, between_s=(BEGINS_S, 24.0)), 7)
+
+
+def said(samples: np.ndarray, model: MachiningSystem = MODEL) -> list[tuple[float, Found]]:
+    """What is said, and when, about a recording that comes in intervals."""
+    watch = Watch(model, RATE_HZ)
+    answers = []
+    for at in range(0, samples.size, FRAME):
+        found = watch.take(samples[at : at + FRAME])
+        if found is not None:
+            answers.append(((at + FRAME) / RATE_HZ, found))
+    return answers
+
+
+@pytest.mark.parametrize("up_to", [120.0, 700.0, 5000.0])
+def test_pieces_are_decimated_as_the_whole(up_to):
+    """Resampling in pieces of any length gives what one piece gives, and a sine stays where it was in time."""
+    rng = np.random.default_rng(1)
+    n = 20000
+    sine = np.sin(2.0 * np.pi * 0.5 * up_to / RATE_HZ * np.arange(n))
+    whole = Decimator(RATE_HZ, up_to)
+    expected, missing = whole.take(sine)
+    pieces = Decimator(RATE_HZ, up_to)
+    cuts = np.sort(rng.integers(0, n, 40))
+    parts = [pieces.take(part) for part in np.split(sine, cuts)]
+    np.testing.assert_allclose(np.concatenate([p[0] for p in parts]), expected, atol=1e-12)
+    np.testing.assert_array_equal(np.concatenate([p[1] for p in parts]), missing)
+    t = np.arange(expected.size) / whole.rate_hz
+    np.testing.assert_allclose(expected[~missing], np.sin(np.pi * up_to * t)[~missing], atol=2e-3)
+
+
+def test_missing_samples_are_missing_after_decimation():
+    """Whatever a lost sample would have been in is marked, and nothing else."""
+    samples = np.ones(8000)
+    samples[4000] = np.nan
+    decimator = Decimator(RATE_HZ, 400.0)
+    lowered, missing = decimator.take(samples)
+    centre = 4000 * float(decimator.ratio)
+    away = abs(np.arange(missing.size) - centre)
+    assert missing[away < 15].all()
+    assert not missing[(away > 19) & (np.arange(missing.size) > 20)].any()
+    assert np.isfinite(lowered).all()
+
+
+def test_a_machine_like_its_simulation_is_no_mismatch():
+    """Nothing is said about a signal that the simulation explains, but that it does."""
+    answers = said(recorded("none"))
+    assert answers
+    assert {found.outcome for _, found in answers} == {"none"}
+
+
+@pytest.mark.parametrize(
+    ("effect", "name"),
+    [("hardening", "cubic_stiffness"), ("coulomb", "coulomb_friction"), ("clearance", "clearance")],
+)
+def test_what_begins_while_it_runs_is_named(effect, name):
+    """Nothing is said before an effect begins; then it is named, from when it began, and stays named to the end."""
+    answers = said(recorded(effect))
+    assert {found.outcome for t, found in answers if t < BEGINS_S} == {"none"}
+    _, last = answers[-1]
+    assert (last.outcome, last.effect) == ("missing_physics", name)
+    rate_hz = Decimator(RATE_HZ, 400.0).rate_hz
+    assert abs(last.since / rate_hz - BEGINS_S) < 2.5
+
+
+def test_another_gain_is_no_mechanics():
+    """A sensor that shows three times as much from some moment on, or nothing for a second, is no mismatch."""
+    samples = recorded("none").copy()
+    samples[int(14.0 * RATE_HZ) :] *= 3.0
+    samples[int(8.0 * RATE_HZ) : int(9.0 * RATE_HZ)] = np.nan
+    answers = said(samples)
+    assert {found.outcome for _, found in answers} == {"none"}
+    assert any(t > 20.0 for t, _ in answers)
+
+
+def test_wrong_parameters_are_parameters():
+    """A mode that is not where the model has it is found there, and no physics is named for it."""
+    model = MachiningSystem(modes=(Mode(408.0, 0.03),), sensor=Sensor("displacement"))
+    _, last = said(recorded("none"), model)[-1]
+    assert last.outcome == "parameters"
+    assert last.parameters["mode.1.frequency_hz"] == pytest.approx(400.0, rel=2e-3)
+    assert last.parameters["mode.1.damping_ratio"] == pytest.approx(0.02, rel=0.15)

@@ -1,0 +1,86 @@
+"""The live observer and signatures against those of a whole recording."""
+
+import numpy as np
+import pytest
+
+from chatter_monitor.discrepancy.band import Recorded
+from chatter_monitor.discrepancy.innovations import Innovations, known_forces
+from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.kernels import live_signatures as live
+from chatter_monitor.kernels.signatures import observe
+from chatter_monitor.physics.parts import AppliedTerm, Mode, Spindle
+from chatter_monitor.physics.terms import CATALOGUE
+
+SPINDLE = Spindle(9000.0, 1)
+TRIED = [
+    AppliedTerm(CATALOGUE["cubic_stiffness"], {"coefficient": 1.0}),
+    AppliedTerm(CATALOGUE["coulomb_friction"], {"coefficient": 1e6}),
+    AppliedTerm(CATALOGUE["hysteresis"], {"coefficient": 1.0, "yield_displacement": 0.7}),
+    AppliedTerm(CATALOGUE["regenerative_delay"], {"coefficient": 1.0}),
+]
+
+
+def base_of(quantity, terms=()):
+    """A calibrated observer on four thousand samples of a resonance."""
+    rng = np.random.default_rng(2)
+    linear = Linear((Mode(400.0, 0.02),), quantity, 1e-3, spindle=SPINDLE)
+    y = np.zeros(4096)
+    push = rng.standard_normal(y.size)
+    for k in range(2, y.size):
+        y[k] = 1.76 * y[k - 1] - 0.965 * y[k - 2] + push[k]
+    y /= np.std(y)
+    return Innovations(Recorded(y, np.zeros(y.size, dtype=bool), 5600.0), linear, terms)
+
+
+def watched(base, known, taps, calls):
+    """Errors and signatures, in as many calls."""
+    y = base.recorded.samples
+    tried, columns = known_forces(TRIED), 4 + len(TRIED)
+    order, delay = base.observer.gain.size, int(np.ceil(base.observer.delay)) + 3
+    path = live.Path(
+        np.zeros(order), np.zeros(order), np.zeros(1), np.zeros(2), np.zeros(known.forces.size),
+        np.zeros(len(TRIED)), np.zeros(delay + live.FEW), np.zeros((2, 4, live.NODES)),
+    )  # fmt: skip
+    answers = live.Answers(np.zeros((2, order, columns)), *(np.zeros(columns) for _ in range(3)), np.zeros(live.FEW))
+    raw = np.zeros((taps.size - 1 + live.FEW, columns))
+    forces = np.zeros((2, live.FEW, columns))
+    white = np.zeros((y.size, columns))
+    missing = np.zeros(y.size, dtype=bool)
+    for part in np.split(np.arange(y.size), calls):
+        few = slice(part[0], part[-1] + 1)
+        live.watch(
+            base.observer, known, tried, y[few], missing[few], part[0], part[0] == 0, path, answers, forces, taps, raw,
+            white[few],
+        )  # fmt: skip
+    return white.T
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "pressure"])
+@pytest.mark.parametrize("known", [False, True])
+def test_errors_and_signatures_are_those_of_the_recording(quantity, known):
+    """The live kernel finds the errors that `observe` does, and nearly its signatures, which know the state better."""
+    terms = (AppliedTerm(CATALOGUE["cubic_stiffness"], {"coefficient": 0.02}),) if known else ()
+    base = base_of(quantity, terms)
+    taps = np.array([1.0, -0.5, 0.25])
+    found = watched(base, known_forces(terms), taps, 4)
+    settled = np.arange(base.errors.size) > 600
+    errors = np.empty_like(base.errors)
+    sharp = base.observer._replace(spread=np.zeros((2, 2)))
+    missing = base.recorded.missing
+    observe(sharp, known_forces(terms), base.recorded.samples, missing, missing == 0, errors, base.motion)
+    expected = np.convolve(errors, taps)[: errors.size]
+    np.testing.assert_allclose(found[0][settled], expected[settled], atol=1e-6 * np.std(expected))
+    base.settled[:] = True
+    base.observer, base.taps = sharp, taps
+    motion = base.motion
+    columns = [*base.respond([motion.x, motion.v, np.ones_like(motion.x)])]
+    columns += [*base.of_terms([(applied.term, applied.values) for applied in TRIED])]
+    for got, wanted, close in zip(found[1:], columns, [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 0.1, 1e-3], strict=True):
+        # A constant force leaves nothing in what a sensor of pressure shows.
+        assert np.std((got - wanted)[settled]) < close * np.std(wanted[settled]) + 1e-12
+
+
+def test_calls_do_not_matter():
+    """The same samples in one call or in sixteen give the same bits."""
+    base, taps = base_of("displacement"), np.array([1.0, -0.5])
+    np.testing.assert_array_equal(watched(base, known_forces(()), taps, 1), watched(base, known_forces(()), taps, 16))
