@@ -39,6 +39,7 @@ bench-all: bench
 	$(BIN)/python -m benchmarks.discrepancy
 	$(BIN)/python -m benchmarks.driven
 	$(BIN)/python -m benchmarks.several
+	$(BIN)/python -m benchmarks.live
 	$(BIN)/python -m benchmarks.latency
 	$(BIN)/python -m benchmarks.memory --hours 1
 	$(BIN)/python -m benchmarks.margin
