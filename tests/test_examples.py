@@ -45,7 +45,12 @@ def test_every_block_is_of_a_kind_that_some_test_runs() -> None:
     """Nobody marks a block with a language that no test looks at."""
     directives = [block for block in ALL if block.mark.startswith("{")]
     assert {block.mark for block in ALL if block.mark and block not in directives} == set(MARKS)
-    assert {named(block).split(":")[0] for block in marked("sh")} == {"README.md", "tutorial.md", "subscribing.md"}
+    assert {named(block).split(":")[0] for block in marked("sh")} == {
+        "README.md",
+        "tutorial.md",
+        "subscribing.md",
+        "diagnose.md",
+    }
 
 
 @pytest.mark.timeout(900)
@@ -67,6 +72,15 @@ def test_the_tutorial_gives_what_it_says(tmp_path: Path) -> None:
         assert step in ran
     assert (tmp_path / "out/event.html").stat().st_size > 10_000
     assert (tmp_path / "out/diagnosis/report.html").stat().st_size > 10_000
+
+
+@pytest.mark.timeout(900)
+def test_the_worked_example_of_a_diagnosis_gives_what_it_says(tmp_path: Path) -> None:
+    """The commands of docs/diagnose.md name the hidden effect, and print what the page shows."""
+    ran = "\n".join(Reader(tmp_path).follow(ROOT / "docs" / "diagnose.md"))
+    assert "simulate" in ran
+    assert "diagnose" in ran
+    assert (tmp_path / "out/diagnosis/model.toml").read_text(encoding="utf-8").count("clearance") == 1
 
 
 def test_the_certificates_of_the_page_are_made(tmp_path: Path) -> None:

@@ -30,6 +30,8 @@ Vector = NDArray[np.float64]
 
 RUN_S = 10.0  # longest free-running simulation
 SEED = 1
+PIXELS = 400  # of the width of an axis, about
+AMPLITUDE_CLASSES = 12
 RECORDED, BASE, AUGMENTED = "#4a6fa5", "#9a9a9a", "#b0303a"
 _STYLE = """body{font:16px/1.5 sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#222}
 .verdict{padding:.8rem 1rem;border-left:.4rem solid #b0303a;background:#f6f1ee;font-size:1.15rem}
@@ -271,17 +273,20 @@ def _draw_angle(axes: Axes, diagnosis: Diagnosis, p: float) -> None:
     product = (case.innovations.white * case.weight) * s
     f, density = dsp.periodogram(product - product.mean(), case.recorded.rate_hz)
     top = f < 2.5 * case.innovations.linear.modes[0].frequency_hz
-    axes.plot(f[top], density[top] / np.median(density[top]), color=RECORDED, lw=0.5)
+    # a line of so many pixels shows the largest of each few
+    groups = np.array_split(np.arange(np.sum(top)), PIXELS)
+    highest = [g[np.argmax(density[g])] for g in groups if g.size]
+    axes.plot(f[highest], density[highest] / np.median(density[top]), color=RECORDED, lw=0.7)
     if case.innovations.linear.spindle is not None:
         turn = case.innovations.linear.spindle.speed_rpm / 60.0
         for order in range(1, min(9, int(f[top][-1] / turn) + 1)):
             axes.axvline(order * turn, color=AUGMENTED, ls=":", lw=0.6)
     axes.set(xlabel="Hz", ylabel="swing of the stiffness / median", title=f"angle, p = {p:.2g}", yscale="log")
-    axes.set_ylim(bottom=0.1)
+    axes.set_ylim(bottom=1.0)
 
 
 def _comparison(diagnosis: Diagnosis, runs: dict[str, Vector]) -> str:
-    """Spectrum, amplitudes, and a stretch of each."""
+    """Spectrum, amplitudes, and how the frequency of the first mode goes with its amplitude: its stiffness."""
     figure, (left, middle, right) = figure_of(1)
     rate = diagnosis.case.whole.rate_hz
     top = 0.5 * diagnosis.case.recorded.rate_hz
@@ -290,14 +295,40 @@ def _comparison(diagnosis: Diagnosis, runs: dict[str, Vector]) -> str:
         left.plot(f[f < top], 10.0 * np.log10(density[f < top]), color=color, lw=0.9, label=name)
         amplitude = np.abs(dsp.hilbert(run[: 1 << int(np.log2(run.size))])) / np.std(run)
         middle.hist(amplitude, 80, range=(0, 4.5), density=True, histtype="step", color=color, label=name)
-        first = run.size // 2
-        part = run[first : first + int(12 * rate / diagnosis.case.system.modes[0].frequency_hz)]
-        right.plot(1e3 * np.arange(part.size) / rate, part, color=color, lw=0.9, label=name)
+        right.plot(*backbone(run, rate, diagnosis.case.innovations.linear.modes[0].frequency_hz), color=color, lw=0.9)
     left.set(xlabel="Hz", ylabel="dB", title="spectrum")
     middle.set(xlabel="amplitude / rms", title="amplitudes", yscale="log", ylim=(1e-4, None))
-    right.set(xlabel="ms", title="a stretch (the simulations have other noise)")
+    right.set(xlabel="amplitude / rms", ylabel="Hz", title="frequency of the first mode")
     left.legend(fontsize="small")
     return encoded(figure)
+
+
+def backbone(run: Vector, rate_hz: float, mode_hz: float) -> tuple[Vector, Vector]:
+    """Amplitude over its rms, and the median frequency, of what vibrates near a mode, in equally long classes.
+
+    A spring that hardens raises the frequency with the amplitude, one that softens lowers it; without one it is level.
+
+    Parameters
+    ----------
+    run : ndarray, shape (n,)
+        Samples.
+    rate_hz, mode_hz : float
+        Their rate, and the frequency of the mode.
+
+    Returns
+    -------
+    amplitude, hertz : ndarray, shape (AMPLITUDE_CLASSES,)
+    """
+    near = dsp.butter(2, (0.8 * mode_hz, min(1.2 * mode_hz, 0.49 * rate_hz)), "bandpass", fs=rate_hz, output="sos")
+    vibration = dsp.hilbert(dsp.sosfilt(near, run)[: 1 << int(np.log2(run.size))])
+    amplitude = np.abs(vibration[1:])
+    hertz = rate_hz / (2.0 * np.pi) * np.angle(vibration[1:] * vibration[:-1].conj())
+    classes = np.array_split(np.argsort(amplitude), AMPLITUDE_CLASSES)
+    rms = np.sqrt(0.5 * np.mean(amplitude**2))
+    return (
+        np.array([np.median(amplitude[c]) for c in classes]) / rms,
+        np.array([np.median(hertz[c]) for c in classes]),
+    )
 
 
 def figure_of(rows: int) -> tuple[Figure, NDArray[np.object_]]:

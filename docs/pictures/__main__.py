@@ -48,6 +48,19 @@ JOINT = """[[term]]
 name = "cubic_stiffness"
 coefficient = 0.02
 """
+# That of docs/diagnose.md.
+ROUND = """[sensor]
+quantity = "acceleration"
+noise_rms = 2e5
+[[mode]]
+frequency_hz = 286.0
+damping_ratio = 0.015
+"""
+PLAY = """[[term]]
+name = "clearance"
+coefficient = 0.06
+gap = 1.0
+"""
 
 
 def quiet(_line: str) -> None:
@@ -71,17 +84,34 @@ def main(out: Path) -> None:
             shown.save(out / "dashboard_diagnosis.png")
         photograph(Path(folder) / "diagnosis" / "report.html", out / "report_diagnosis.png", width=900, height=960)
         real_turning(Path(folder) / "real", out)
+        play_in_a_joint(Path(folder) / "play", out)
         photograph(reported(Path(folder)), out / "report_event.png", width=900, height=1300)
 
 
 def real_turning(folder: Path, out: Path) -> None:
     """Take the maps out of the report on the real turning recording that chatters, where it is at hand."""
-    if not DATA.is_dir():
-        return
-    diagnosed_real("turning_chatter", folder)
-    picture = re.search(r"data:image/png;base64,([^\"]+)", (folder / "report.html").read_text(encoding="utf-8"))
-    if picture:
-        (out / "real_turning.png").write_bytes(base64.b64decode(picture[1]))
+    if DATA.is_dir():
+        diagnosed_real("turning_chatter", folder)
+        maps, *_ = embedded(folder / "report.html")
+        (out / "real_turning.png").write_bytes(maps)
+
+
+def play_in_a_joint(folder: Path, out: Path) -> None:
+    """Take both pictures out of the report of the worked example of docs/diagnose.md."""
+    folder.mkdir()
+    (folder / "machine.toml").write_text(ROUND + PLAY)
+    (folder / "model.toml").write_text(ROUND)
+    simulate_to_file(folder / "machine.toml", 20.0, 11, folder / "cut.wav", 12_800)
+    diagnose_file(folder / "cut.wav", folder / "model.toml", folder / "diagnosis")
+    maps, comparison = embedded(folder / "diagnosis" / "report.html")
+    (out / "diagnose_differ.png").write_bytes(maps)
+    (out / "diagnose_same.png").write_bytes(comparison)
+
+
+def embedded(report: Path) -> list[bytes]:
+    """Pictures of a report."""
+    found = re.findall(r"data:image/png;base64,([^\"]+)", report.read_text(encoding="utf-8"))
+    return [base64.b64decode(picture) for picture in found]
 
 
 def diagnosed(folder: Path) -> Path:
