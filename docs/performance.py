@@ -79,8 +79,10 @@ def draw(found: Results, path: Path) -> None:
     cost.set(xlabel="over the least", ylabel="processor time over that at the least")
     cost.legend(fontsize=7)
     (flat,) = (growth for growth in found.growths if growth.along == MEMORY)
-    memory.semilogx(flat.at, flat.resident_mb or [], "o-", base=2)
-    memory.set(xlabel="seconds of signal so far, one channel", ylabel="memory gained, MB", ylim=(0, None))
+    gained_mb = flat.resident_mb or [0.0]
+    memory.semilogx(flat.at, gained_mb, "o-", base=2)
+    room = (0.0, 2.0 * max(gained_mb))
+    memory.set(xlabel="seconds of signal so far, one channel", ylabel="memory gained, MB", ylim=room)
     figure.savefig(path, dpi=120, metadata={"Software": None})
     plt.close(figure)
 
