@@ -88,11 +88,11 @@ def judged(effect: str, trouble: str, report: Report) -> str:
     """One of right, unknown, missed, wrong."""
     if report.verdict == "unknown":
         return "unknown"
-    found = {term.name for term in report.terms} - TRUE_OF.get(trouble, set())
+    named = {term.name for term in report.terms}
     true = NAMES[effect]
-    if found - {true}:
+    if named - TRUE_OF.get(trouble, set()) - {true}:
         return "wrong"
-    if true is None or found or trouble == "clipped":
+    if true is None or named:
         return "right"
     return "missed"
 
