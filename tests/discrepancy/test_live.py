@@ -105,3 +105,11 @@ def test_wrong_parameters_are_parameters():
     assert last.outcome == "parameters"
     assert last.parameters["mode.1.frequency_hz"] == pytest.approx(400.0, rel=2e-3)
     assert last.parameters["mode.1.damping_ratio"] == pytest.approx(0.02, rel=0.15)
+
+
+def test_a_sensor_of_the_acceleration_does_not_feel_a_constant_force():
+    """What a constant force would do to the errors is over soon; nothing is said of a machine like its simulation."""
+    model = MachiningSystem(modes=(Mode(400.0, 0.02),), sensor=Sensor("acceleration"))
+    answers = said(record(Machine(effect="none", seconds=24.0, quantity="acceleration"), 7), model)
+    assert {found.outcome for _, found in answers} == {"none"}
+    assert answers[-1][0] > 23.0

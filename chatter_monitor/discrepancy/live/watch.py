@@ -126,8 +126,16 @@ class Watch:
         """
         lowered, missing = self._decimator.take(samples)
         self._history.append(lowered / self._system.sensor.gain, missing)
+        try:
+            return self._follow(-(-lowered.size // CHUNK))
+        except np.linalg.LinAlgError:  # what this stretch says cannot be computed: monitoring goes on, with another one
+            self._begin(self._history.end)
+            return None
+
+    def _follow(self, chunks: int) -> Found | None:
+        """Go on through what has come, so many chunks at least."""
         epoch, found = self._epoch, None
-        for _ in range(CATCH_UP * -(-lowered.size // CHUNK)):
+        for _ in range(CATCH_UP * chunks):
             if epoch.stream is None or epoch.position + CHUNK > self._history.end:
                 break
             found = self._advance(epoch, epoch.stream) or found

@@ -19,6 +19,8 @@ Matrix = NDArray[np.float64]
 
 BANDS = 24
 _RIDGE = 1e-9
+# Of a running sum: what is left of less than that when two are subtracted is rounding.
+_LOST = 1e-8
 
 
 class Blocks:
@@ -71,8 +73,15 @@ class Blocks:
         self.firsts.append(first)
 
     def newest(self, size: int) -> Matrix:
-        """Products summed over the newest blocks; row and column 0 are the errors."""
-        return np.asarray(self._products[len(self)] - self._products[len(self) - size])
+        """Products summed over the newest blocks; row and column 0 are the errors.
+
+        A signature that was large once and is next to nothing now is zero: that of a constant force, to a sensor of the
+        acceleration, is little more than how the filter began.
+        """
+        total = np.asarray(self._products[len(self)] - self._products[len(self) - size])
+        lost = np.diag(total) <= _LOST * np.diag(self._products[len(self)])
+        total[lost], total[:, lost] = 0.0, 0.0
+        return total
 
     def changed_p(self, size: int, modes: int) -> float:
         """How often chance makes the newest blocks differ as much from those before them.
