@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -141,6 +139,6 @@ def test_nothing_is_computed_while_nobody_looks(publisher, make_interval, make_b
     with Subscriber(publisher.endpoint) as other:
         assert publisher.wait_for_subscriber(WAIT_S)
         publisher.block(make_block())
-        publisher.turning(0, replace(orders))
+        publisher.turning(0, orders)
         publisher.frame(*make_interval())
         assert other.receive(WAIT_S).topic == "odp.0"

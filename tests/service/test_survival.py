@@ -174,7 +174,9 @@ def test_channels_are_apart(replay_samples, bar):
     outcome = replay_samples(np.stack([np.zeros(len(bar)), bar, quiet, broken], axis=1))
     assert set(outcome.states(0)) == {"idle"}
     assert 7 < len(outcome.alarms(1)) / 20 < 9
-    assert set(outcome.states(2)[1:]) == {"stable"}
+    heard = outcome.states(2)[1:]
+    assert set(heard) <= {"stable", "forced"}
+    assert np.mean([state == "stable" for state in heard]) > 0.9  # by chance noise looks steady now and then
     assert set(outcome.states(3)) == {"unknown"}
     assert [event["channel"] for event in outcome.of("event")] == [1]
 
