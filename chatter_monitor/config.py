@@ -56,12 +56,12 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     recorder: RecorderSettings = RecorderSettings()
 
 
-# Tables that say where results go, not what they are.
-_ELSEWHERE = ("publish", "control", "metrics", "recorder")
+# Tables that say where results go, and with what the signal is compared: verdicts, events and ODPs do not hang on them.
+_ELSEWHERE = ("model", "publish", "control", "metrics", "recorder")
 
 
 def decisive_tables(settings: Settings) -> dict[str, dict[str, Any]]:
-    """Tables that the results on given samples depend on, defaults and all."""
+    """Tables that the verdicts on given samples depend on, defaults and all."""
     tables: dict[str, dict[str, Any]] = msgspec.to_builtins(settings)
     return {name: table for name, table in tables.items() if name not in _ELSEWHERE}
 

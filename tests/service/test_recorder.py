@@ -9,11 +9,12 @@ import numpy as np
 
 from chatter_monitor.acquisition.synthetic import Synthetic
 from chatter_monitor.config import Settings, load
+from chatter_monitor.discrepancy.live.settings import ModelSettings
 from chatter_monitor.outlets.control import SetSpindle
 from chatter_monitor.outlets.event_files import read
 from chatter_monitor.outlets.event_store import EventStore, EventWriter
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Health
+from chatter_monitor.records import Health, Mismatch
 from chatter_monitor.service.monitor import Monitor
 from chatter_monitor.service.recorder import open_recorder
 from chatter_monitor.tracking.spindle import SpindleSettings
@@ -111,3 +112,14 @@ def test_settings_of_a_recording_are_those_of_the_monitor(tmp_path):
             assert getattr(again, table) == getattr(settings, table)
         assert again.input == msgspec.structs.replace(settings.input, channels=None)
         assert read(entry.json).source_rate_hz == 48_000.0
+
+
+def test_a_model_does_not_travel_with_an_event(tmp_path):
+    """What a recorder is told of a mismatch is left out, and so is the model's file: no verdict hangs on it."""
+    settings = load([], {"model": {"file": "bar.model.toml"}})
+    cut = onset(32_000, 12_800)
+    with open_recorder(settings, EventWriter(tmp_path, 1e9), 1, RATE_HZ, utc_of=CLOCK.utc_of, patient=True) as recorder:
+        recorder.message(Mismatch(channel=0, t=0.0, sample=0, since_s=0.0, outcome="none"))
+        monitored(cut, recorder)
+    [entry] = EventStore(tmp_path).entries()
+    assert load([entry.json]).model == ModelSettings()
