@@ -30,7 +30,7 @@ import numpy as np
 from chatter_monitor.config import load
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.publisher import Clock, Publisher, PublishSettings
-from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, Block, Event, Health, Odp, OdpFrame, Verdict
 from chatter_monitor.service.replay import Replay
 from chatter_monitor.tracking.orders import Orders
 
@@ -62,7 +62,7 @@ class Kept(Outlet):
         """Keep it."""
         self.frames.append((frame, odp))
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Keep it, but for the end."""
         if not (isinstance(message, Health) and message.state == "finished"):
             self.messages.append(message)
@@ -94,7 +94,7 @@ def later(message: Verdict | Event | Health, seconds: float) -> Verdict | Event 
             return msgspec.structs.replace(message, t=message.t + seconds)
 
 
-def time_of(message: Verdict | Event | Health) -> float:
+def time_of(message: Announcement) -> float:
     """Time at which a message is sent."""
     return message.t1 if isinstance(message, Verdict) else message.end_s if isinstance(message, Event) else message.t
 

@@ -34,7 +34,7 @@ from rich.console import Console
 from benchmarks.clockwork import CHANNELS, RATE_HZ, Clockwork, cut
 from chatter_monitor.client import Subscriber
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, Block, Health, Odp, OdpFrame, Verdict
 from chatter_monitor.service.daemon import Daemon
 from chatter_monitor.service.systemd import Notifier
 
@@ -71,7 +71,7 @@ class Witness(Outlet):
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Nothing: the verdict follows at once."""
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Take note of what the verdict rests on."""
         match message:
             case Verdict():

@@ -44,7 +44,7 @@ from chatter_monitor.outlets.event_store import EventWriter
 from chatter_monitor.outlets.metrics import Metrics
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.publisher import Clock, Publisher, PublishSettings
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, Event, Health, Odp, OdpFrame, Verdict
 from chatter_monitor.service.daemon import Daemon
 from chatter_monitor.service.heap import keep_flat
 from chatter_monitor.service.monitor import Monitor
@@ -84,7 +84,7 @@ class Witness(Outlet):
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Nothing: the verdict tells as much."""
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Follow."""
         match message:
             case Verdict():

@@ -254,3 +254,7 @@ class Health(Message, frozen=True, tag="health"):
     latency_ms_p99: float | None
     clock_ppm: float | None = None
     reasons: list[str] = []
+
+
+# What outlets are told beside frames.
+Announcement = Verdict | Event | Mismatch | Health

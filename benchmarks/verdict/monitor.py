@@ -15,7 +15,7 @@ from chatter_monitor.acquisition.synthetic import Synthetic
 from chatter_monitor.config import Settings, load
 from chatter_monitor.outlets.control import Command, SetSpindle
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, Block, Event, Odp, OdpFrame, Verdict
 from chatter_monitor.service.monitor import Monitor
 
 Floats = NDArray[np.float64]
@@ -144,7 +144,7 @@ class _Kept(Outlet):
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Leave it."""
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Keep verdicts, count events."""
         if isinstance(message, Verdict):
             self.verdicts.append(message)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 from scipy import stats
 
@@ -233,7 +234,7 @@ def _concluded(
             strange.append(f"in {cut.recording}, something that no term explains")
         for finding in diagnosis.report.terms:
             if finding.name not in of_all and finding.name not in CATALOGUE:
-                findings.append(replace_why(finding, f"{finding.why} In {cut.recording}."))
+                findings.append(msgspec.structs.replace(finding, why=f"{finding.why} In {cut.recording}."))
     words = {"frequency": "natural frequency", "damping": "damping", "regeneration": "regeneration"}
     for family, p in found.disagreement.items():
         if p < shared.DISAGREE_P:
@@ -284,11 +285,6 @@ def _concluded(
     return Together(
         report, tuple(cuts), tuple(diagnoses), found, _model(system, cuts, diagnoses, found, fits, findings)
     )
-
-
-def replace_why(finding: Finding, why: str) -> Finding:
-    """The same finding with other words."""
-    return Finding(finding.name, finding.sense, finding.parameters, finding.evidence_nats, finding.p_value, why)
 
 
 def _warnings(system: MachiningSystem, cuts: Sequence[Cut], found: Shared) -> list[str]:

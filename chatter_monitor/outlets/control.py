@@ -19,7 +19,7 @@ from chatter_monitor.outlets.endpoint import ALLOWED_LOOPBACK, bind, is_local
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.token_bucket import TokenBucket
 from chatter_monitor.outlets.wire import encode
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, Health, Odp, OdpFrame, Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
 
 LONGEST_REQUEST = 4096  # bytes
@@ -188,7 +188,7 @@ class Control(Outlet):
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Nothing of a frame is in the status but its verdict."""
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Keep the message for the status."""
         match message:
             case Verdict():

@@ -18,7 +18,7 @@ from chatter_monitor.errors import ChatterMonitorError
 from chatter_monitor.outlets.event_files import Origin, Stretch, write
 from chatter_monitor.outlets.event_store import EventWriter
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, Block, Event, Health, Mismatch, Odp, OdpFrame
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S
 
@@ -189,9 +189,9 @@ class FlightRecorder(Outlet):
             if take.blocks is None:
                 take.frames.append(frame)
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Begin a recording with an alarm, and end it some time after its event."""
-        if isinstance(message, Health):
+        if isinstance(message, Health | Mismatch):
             return
         channel = self._channels[message.channel]
         if isinstance(message, Event):

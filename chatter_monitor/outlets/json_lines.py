@@ -8,7 +8,7 @@ from pathlib import Path
 from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.wire import encode
-from chatter_monitor.records import Event, Health, Mismatch, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, Health, Odp, OdpFrame
 
 
 class JsonLines(Outlet):
@@ -43,15 +43,11 @@ class JsonLines(Outlet):
         """Write the summary of the interval."""
         self._write(odp)
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Write the message."""
         self._write(message)
         if isinstance(message, Health):
             self._flush()
-
-    def mismatch(self, mismatch: Mismatch) -> None:
-        """Write the message."""
-        self._write(mismatch)
 
     def close(self) -> None:
         """Write what is buffered and close the file."""
@@ -63,7 +59,7 @@ class JsonLines(Outlet):
         except OSError as error:
             raise self._fault(error) from error
 
-    def _write(self, message: Odp | Verdict | Event | Health | Mismatch) -> None:
+    def _write(self, message: Odp | Announcement) -> None:
         try:
             self._file.write(encode(message) + b"\n")
         except OSError as error:

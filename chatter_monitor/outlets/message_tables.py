@@ -15,7 +15,7 @@ from chatter_monitor.errors import EnvironmentFault
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.parquet_file import ParquetFile
 from chatter_monitor.outlets.wire import encode
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, Event, Odp, OdpFrame, Verdict
 
 # 7 minutes of one channel's verdicts, about 10 MB as Python objects before they are written.
 ROWS_PER_GROUP = 8192
@@ -103,9 +103,8 @@ class MessageTable:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         if kind is None:
-            self.close()
-        else:
-            self._file.discard()
+            self._write_group()
+        self._file.__exit__(kind, error, traceback)
 
     def _write_group(self) -> None:
         if self._rows:
@@ -134,7 +133,7 @@ class MessageTables(Outlet):
         """Append the summary of the interval."""
         self._tables["odp"].append(odp)
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Append a verdict or an event."""
         match message:
             case Verdict():

@@ -15,7 +15,7 @@ from prometheus_client.registry import Collector
 from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.outlets.address import host_and_port, is_loopback
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Block, Event, Health, Odp, OdpFrame, State, Verdict
+from chatter_monitor.records import Announcement, Block, Event, Health, Odp, OdpFrame, State, Verdict
 
 ALLOWED = "127.0.0.0/8, localhost or [::1] with a port (0: any free one), such as 127.0.0.1:9464"
 
@@ -124,7 +124,7 @@ class Metrics(Outlet):
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Nothing: 20 values a second are for ZeroMQ."""
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Take the newest message of its kind."""
         self._snapshot.take(message)
 
@@ -150,7 +150,7 @@ class _Snapshot(Collector):
     def heard(self) -> None:
         self._heard_s = self._clock()
 
-    def take(self, message: Verdict | Event | Health) -> None:
+    def take(self, message: Announcement) -> None:
         match message:
             case Verdict():
                 self._verdicts[message.channel] = message

@@ -19,7 +19,7 @@ import msgspec
 from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.outlets.address import host_and_port, is_loopback
 from chatter_monitor.outlets.wire import Header, encode, topic_of
-from chatter_monitor.records import Event, Health, Mismatch, Verdict
+from chatter_monitor.records import Announcement
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client, ConnectFlags, DisconnectFlags, MQTTMessageInfo
@@ -188,7 +188,7 @@ class MqttLink:
         self._forget_acknowledged()
         return len(self._waiting)
 
-    def send(self, header: Header, message: Verdict | Event | Health | Mismatch) -> None:
+    def send(self, header: Header, message: Announcement) -> None:
         """Send a message, now or when the broker is back."""
         from paho.mqtt.enums import MQTTErrorCode
 
@@ -272,7 +272,7 @@ class MqttLink:
             self._say(f"the broker at {self._address} {what}; messages wait for it")
 
 
-def payload(header: Header, message: Verdict | Event | Health | Mismatch, number: int) -> bytes:
+def payload(header: Header, message: Announcement, number: int) -> bytes:
     """JSON of a message on a topic of which it has that number."""
     about = {"utc": header.utc, "machine": header.machine, "session": header.session, "number": number}
     return msgspec.json.encode(about | msgspec.json.decode(encode(message)))

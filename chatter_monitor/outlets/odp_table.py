@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from chatter_monitor.errors import InputError
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.parquet_file import ParquetFile
-from chatter_monitor.records import Event, Health, ModeStatus, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, ModeStatus, Odp, OdpFrame
 
 SCHEMA = "chatter-monitor/odp-table/1"
 
@@ -105,7 +105,7 @@ class OdpTable(Outlet):
             if self._rows == ROWS_PER_GROUP:
                 self._write_group()
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Ignore the message: the table holds ODPs only."""
 
     def close(self) -> None:
@@ -117,9 +117,8 @@ class OdpTable(Outlet):
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         if kind is None:
-            self.close()
-        else:
-            self._file.discard()
+            self._write_group()
+        self._file.__exit__(kind, error, traceback)
 
     def _append(self, frame: OdpFrame, start: int, count: int) -> None:
         """Copy rows ``start ... start + count`` of the frame behind those that are buffered."""

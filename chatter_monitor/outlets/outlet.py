@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Protocol, Self
 
-from chatter_monitor.records import Block, Event, Health, Mismatch, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, Block, Odp, OdpFrame
 from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.tracking.spindle import SpindleSettings
 
@@ -31,12 +31,8 @@ class Outlet(Protocol):
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Take one verdict interval of one channel: every sample, and the summary, which has all mode slots."""
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Take one message of the public contract."""
-
-    def mismatch(self, mismatch: Mismatch) -> None:  # noqa: ARG002  most outlets have no use for it
-        """Take note of how the running simulation and the signal stand to each other."""
-        return
 
     def problems(self) -> list[str]:
         """What is wrong with this outlet at the moment, as reasons for the health message."""

@@ -33,7 +33,7 @@ from chatter_monitor.outlets.wire import (
     schema_name,
     topic_of,
 )
-from chatter_monitor.records import Block, Event, Health, Mismatch, Odp, OdpFrame, SignalFrame, Verdict
+from chatter_monitor.records import Announcement, Block, Event, Health, Mismatch, Odp, OdpFrame, SignalFrame, Verdict
 from chatter_monitor.tracking.orders import Orders
 
 LINGER_MS = 2000  # how long closing may wait for subscribers that are slow to take the last messages
@@ -216,22 +216,19 @@ class Publisher(Outlet):
         )
         self._send(topic, header, *arrays)
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Publish a message of the public contract; the body is the same JSON object as in ``--jsonl``."""
         match message:
             case Verdict():
                 sample0 = message.sample0
             case Event():
                 sample0 = self._clock.sample_at(message.onset_s)
+            case Mismatch():
+                sample0 = message.sample
             case Health():
                 sample0 = self._clock.sample_at(message.t)
         topic = topic_of(message)
         self._send(topic, self._header(topic, sample0), encode(message))
-
-    def mismatch(self, mismatch: Mismatch) -> None:
-        """Publish how the running simulation and the signal stand to each other."""
-        topic = topic_of(mismatch)
-        self._send(topic, self._header(topic, mismatch.sample), encode(mismatch))
 
     def wait_for_subscriber(self, timeout_s: float) -> bool:
         """Wait until somebody subscribes to anything; tell whether somebody has."""

@@ -16,7 +16,7 @@ from typing import Self
 from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.outlets.address import host_and_port
 from chatter_monitor.outlets.wire import Header
-from chatter_monitor.records import Event, Health, Mismatch, State, Verdict
+from chatter_monitor.records import Announcement, Health, State, Verdict
 
 HEARTBEAT_MS = 10_000
 UNAVAILABLE = "UNAVAILABLE"
@@ -87,7 +87,7 @@ class ShdrAdapter:
         """Agents that are connected."""
         return len(self._heard)
 
-    def send(self, header: Header, message: Verdict | Event | Health | Mismatch) -> None:
+    def send(self, header: Header, message: Announcement) -> None:
         """Tell what is new in a message. Events bring nothing: a condition tells itself that it has ended."""
         match message:
             case Verdict():

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from chatter_monitor.outlets.look import SEVERITY, STATES
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Event, Health, Mismatch, Odp, OdpFrame, State, Verdict
+from chatter_monitor.records import Announcement, Event, Health, Mismatch, Odp, OdpFrame, State, Verdict
 
 # Shorter stretches are shown with the one before: a table that a person reads has few rows. Alarms are never hidden,
 # nor is loss, which must not read as whatever surrounds it.
@@ -88,19 +88,17 @@ class Timeline(Outlet):
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Nothing: the verdicts tell the story."""
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Take a verdict, an event or the state of health."""
         match message:
             case Verdict():
                 self._add(message)
             case Event():
                 self.events.append(message)
+            case Mismatch():
+                self.mismatches.append(message)
             case Health():
                 self._health = message
-
-    def mismatch(self, mismatch: Mismatch) -> None:
-        """Keep what is new."""
-        self.mismatches.append(mismatch)
 
     def close(self) -> None:
         """Nothing to give back."""

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Event, Health, Mismatch, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, Event, Health, Mismatch, Odp, OdpFrame, Verdict
 
 # Priorities of syslog(3), which journald reads from the start of a line.
 PRIORITIES = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
@@ -71,7 +71,7 @@ class Story(Outlet):
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Nothing: it would be 20 lines a second."""
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Tell what is new."""
         match message:
             case Verdict():
@@ -86,10 +86,12 @@ class Story(Outlet):
                     message.peak_frequency_hz,
                     100 * message.min_damping_ratio,
                 )
+            case Mismatch():
+                self._mismatch(message)
             case Health():
                 self._health(message)
 
-    def mismatch(self, mismatch: Mismatch) -> None:
+    def _mismatch(self, mismatch: Mismatch) -> None:
         """Tell when simulation and signal begin to differ otherwise than before, and when they agree again."""
         told = mismatch.outcome, mismatch.effect, mismatch.sense
         if self._mismatches.get(mismatch.channel) != told:

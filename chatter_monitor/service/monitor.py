@@ -14,7 +14,7 @@ from chatter_monitor.acquisition.source import Source
 from chatter_monitor.config import Settings
 from chatter_monitor.outlets.control import Command, Mark, SetSpindle
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Event, Flag, Health, Mode, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, Flag, Health, Mode, Odp, OdpFrame
 from chatter_monitor.service.watching import Watching
 from chatter_monitor.tracking.channel import Channel, Observation
 from chatter_monitor.tracking.spindle import SpindleSettings
@@ -234,10 +234,9 @@ class Monitor:
         for channel in self._channels:
             channel.digest()
         for mismatch in self._watching.digest() if self._watching is not None else ():
-            for outlet in self._outlets:
-                outlet.mismatch(mismatch)
+            self._send(mismatch)
 
-    def _send(self, message: Verdict | Event | Health) -> None:
+    def _send(self, message: Announcement) -> None:
         for outlet in self._outlets:
             outlet.message(message)
 

@@ -15,7 +15,7 @@ from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.outlets.event_files import read
 from chatter_monitor.outlets.event_store import Entry, EventStore
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Event, Flag, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, Event, Flag, Health, Odp, OdpFrame, Verdict
 from chatter_monitor.reports.event import event_page
 from chatter_monitor.reports.shift import Shift, shift_page
 from chatter_monitor.service.monitor import Monitor
@@ -35,7 +35,7 @@ class _Verdicts(Outlet):
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Nothing: the verdicts have what is shown."""
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Keep a verdict."""
         if isinstance(message, Verdict) and message.channel == self._channel:
             self.verdicts.append(message)

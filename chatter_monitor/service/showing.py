@@ -16,7 +16,7 @@ from chatter_monitor.outlets.dashboard.place import Place, Shown, open_place
 from chatter_monitor.outlets.dashboard.screen import Screen
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.wire import Received
-from chatter_monitor.records import Event, Health, Mismatch, Odp, OdpFrame, SignalFrame, Verdict
+from chatter_monitor.records import Announcement, Odp, OdpFrame, SignalFrame
 from chatter_monitor.service.replay import Replay
 from chatter_monitor.service.told import until_told
 
@@ -67,8 +67,6 @@ def draw(screen: Screen, message: Received) -> None:
             screen.odp(body)
         case SignalFrame():
             screen.signal(body)
-        case Mismatch():
-            screen.mismatch(body)
         case _:
             screen.message(body)
 
@@ -120,7 +118,7 @@ class _Leaving(Outlet):
         if self._told():
             raise _Told
 
-    def message(self, message: Verdict | Event | Health) -> None:  # noqa: ARG002  frames come as often
+    def message(self, message: Announcement) -> None:  # noqa: ARG002  frames come as often
         """Need nothing."""
         return
 

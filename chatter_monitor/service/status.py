@@ -11,7 +11,7 @@ from rich.text import Text
 
 from chatter_monitor.outlets.look import SEVERITY, STATES
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Event, Health, Odp, OdpFrame, State, Verdict
+from chatter_monitor.records import Announcement, Health, Odp, OdpFrame, State, Verdict
 
 REFRESH_S = 0.25
 
@@ -33,7 +33,7 @@ class Status(Outlet):
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Nothing: the verdict has the numbers that matter."""
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Take the newest message of its kind."""
         match message:
             case Verdict():

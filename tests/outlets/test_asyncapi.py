@@ -101,7 +101,7 @@ def test_real_messages_are_as_documented(publisher, make_interval, make_block, o
         publisher.frame(*make_interval())  # now with a signal
         for message in messages:
             publisher.message(message)
-        publisher.mismatch(MISMATCH)
+        publisher.message(MISMATCH)
         for _ in range(len(intervals) + 3 + len(messages)):
             topic, header, *payload = subscriber.recv_multipart()
             name = channel_of(topic.decode())

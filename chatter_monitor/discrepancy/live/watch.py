@@ -236,7 +236,8 @@ class Watch:
         favourite = max(epoch.named.values(), key=lambda each: each.evidence_nats, default=None)
         sizes = [size for size in self._due(epoch) if size >= LEAST_BLOCKS]
         if len(blocks) < self._windows[-1]:
-            epoch.named.pop(len(blocks) - 1, None) if len(blocks) - 1 not in self._windows else None
+            if len(blocks) - 1 not in self._windows:
+                epoch.named.pop(len(blocks) - 1, None)
             sizes.append(len(blocks))
         for size in sizes:
             if size > len(blocks):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from chatter_monitor.outlets.dashboard.screen import Screen
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.signal_view import SignalView
-from chatter_monitor.records import Block, Event, Health, Mismatch, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Announcement, Block, Odp, OdpFrame
 from chatter_monitor.tracking.orders import Orders
 
 
@@ -37,13 +37,9 @@ class Drawing(Outlet):
         if signal is not None:
             self._screen.signal(signal)
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Draw a message."""
         self._screen.message(message)
-
-    def mismatch(self, mismatch: Mismatch) -> None:
-        """Write it down."""
-        self._screen.mismatch(mismatch)
 
     def close(self) -> None:
         """Bring out what is buffered."""

@@ -9,7 +9,7 @@ from chatter_monitor.outlets.dashboard.blueprint import blueprint
 from chatter_monitor.outlets.dashboard.channel import ChannelViews
 from chatter_monitor.outlets.dashboard.stream import Stream
 from chatter_monitor.outlets.look import ORANGE, SKY_BLUE, VERMILLION, WHITE
-from chatter_monitor.records import Event, Health, Mismatch, OdpFrame, SignalFrame, Verdict
+from chatter_monitor.records import Announcement, Event, Health, Mismatch, OdpFrame, SignalFrame, Verdict
 
 LIVE_SPAN_S = 20.0
 
@@ -51,7 +51,7 @@ class Screen:
         """Draw waveform and spectrum of an interval."""
         self._views(signal.channel).signal(self._time(signal.first_sample / signal.sample_rate_hz), signal)
 
-    def message(self, message: Verdict | Event | Health) -> None:
+    def message(self, message: Announcement) -> None:
         """Draw a verdict, write down an event, show how well it hears."""
         match message:
             case Verdict():
@@ -61,14 +61,11 @@ class Screen:
                 for line in words.event(message):
                     text = rr.TextLog(line, level=rr.TextLogLevel.ERROR, color=VERMILLION)
                     self._stream.at(self._time(message.end_s), "events/chatter", text)
+            case Mismatch():
+                level = rr.TextLogLevel.INFO if message.outcome == "none" else rr.TextLogLevel.WARN
+                self._stream.at(self._time(message.t), "events/mismatch", rr.TextLog(message.summary, level=level))
             case Health():
                 self._health(self._time(message.t), message)
-
-    def mismatch(self, mismatch: Mismatch) -> None:
-        """Write down how the running simulation and the signal stand to each other."""
-        quiet = mismatch.outcome == "none"
-        text = rr.TextLog(mismatch.summary, level=rr.TextLogLevel.INFO if quiet else rr.TextLogLevel.WARN)
-        self._stream.at(self._time(mismatch.t), "events/mismatch", text)
 
     def close(self) -> None:
         """Bring out what is buffered."""
