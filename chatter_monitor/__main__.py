@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 import click
@@ -12,6 +13,8 @@ from chatter_monitor.errors import ChatterMonitorError
 
 def main() -> None:
     """Run the command line; exit codes: 0 done, 2 wrong input, 3 environment fault, 1 a bug."""
+    # Matrices here are small. Threads of OpenBLAS, which waits busily for more, would take as much as all the rest.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         cli(prog_name="chatter-monitor", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:

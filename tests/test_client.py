@@ -93,6 +93,7 @@ def test_a_frame_arrives_as_it_was_published():
     with publisher_at("tcp://127.0.0.1:0") as publisher, Subscriber(publisher.endpoint) as subscriber:
         assert publisher.wait_for_subscriber(WAIT_S)
         publisher.frame(frame, odp)
+        publisher.digest()
         received = subscriber.receive(WAIT_S)
     assert received is not None
     assert received.topic == "odp.3"
@@ -117,6 +118,7 @@ def test_an_empty_frame_arrives():
     with publisher_at("tcp://127.0.0.1:0") as publisher, Subscriber(publisher.endpoint) as subscriber:
         assert publisher.wait_for_subscriber(WAIT_S)
         publisher.frame(*make_frame(n=0))
+        publisher.digest()
         body = subscriber.receive(WAIT_S).body
     assert body.status.shape == (0, 2)
 

@@ -34,6 +34,13 @@ class Outlet(Protocol):
     def message(self, message: Announcement) -> None:
         """Take one message of the public contract."""
 
+    def digest(self) -> None:
+        """Do what is left of the frames taken, now that the verdicts on all channels are out; so it is before closing.
+
+        An outlet whose frames take long leaves them for this moment, because in `frame` they would hold up verdicts.
+        """
+        return
+
     def problems(self) -> list[str]:
         """What is wrong with this outlet at the moment, as reasons for the health message."""
         return []

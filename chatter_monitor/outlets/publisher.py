@@ -152,6 +152,8 @@ class Publisher(Outlet):
         self._seq: Counter[str] = Counter()
         self._subscriptions: set[bytes] = set()
         self._view = SignalView()
+        self._turned: dict[int, Orders] = {}
+        self._waiting: list[tuple[Orders | None, OdpFrame, Odp]] = []
         self._context = zmq.Context()
         self._guard: Guard | None = None
         self._socket = self._context.socket(zmq.XPUB)
@@ -177,17 +179,24 @@ class Publisher(Outlet):
 
     def turning(self, channel: int, orders: Orders) -> None:
         """Keep what turned for the frame that comes next."""
-        self._view.turning(channel, orders)
+        self._turned[channel] = orders
 
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
-        """Publish an interval on ``odp.<channel>``, and on ``signal.<channel>`` if anybody has subscribed to that."""
-        self._send_odp(frame, odp)
-        topic = f"signal.{frame.channel}".encode()
-        # Whoever subscribes to everything does not mean this.
-        if any(topic.startswith(prefix) for prefix in self._subscriptions if prefix):
-            signal = self._view.frame(frame)
-            if signal is not None:
-                self._send_signal(signal)
+        """Keep an interval: ten times the bytes of its verdict, which is not to wait for them."""
+        self._waiting.append((self._turned.get(frame.channel), frame, odp))
+
+    def digest(self) -> None:
+        """Publish intervals on ``odp.<channel>``, and on ``signal.<channel>`` if anybody has subscribed to that."""
+        for orders, frame, odp in self._waiting:
+            self._send_odp(frame, odp)
+            topic = f"signal.{frame.channel}".encode()
+            # Whoever subscribes to everything does not mean this.
+            if orders is not None and any(topic.startswith(prefix) for prefix in self._subscriptions if prefix):
+                self._view.turning(frame.channel, orders)
+                signal = self._view.frame(frame)
+                if signal is not None:
+                    self._send_signal(signal)
+        self._waiting.clear()
 
     def _send_signal(self, signal: SignalFrame) -> None:
         topic = topic_of(signal)

@@ -50,7 +50,7 @@ from chatter_monitor.outlets.publisher import Publisher
 from chatter_monitor.service.compiling import what_takes_long
 from chatter_monitor.service.heap import keep_flat
 from chatter_monitor.service.journal import Story
-from chatter_monitor.service.monitor import Monitor
+from chatter_monitor.service.monitor import Monitor, warm_up
 from chatter_monitor.service.recorder import open_recorder
 from chatter_monitor.service.status import Status, StatusLine
 from chatter_monitor.service.systemd import Notifier
@@ -169,6 +169,7 @@ class Daemon:
             )
             if (first := what_takes_long()) is not None:
                 self._say(first)
+            warm_up(settings, source_rate_hz)
             monitor = Monitor(
                 settings,
                 card,

@@ -59,8 +59,8 @@ def odp_message(frame: OdpFrame) -> Odp:
     return Odp(channel=frame.channel, t=(frame.first_sample + len(frame) - 1) / frame.sample_rate_hz, modes=modes)
 
 
-def _warm_up(settings: Settings, source_rate_hz: float) -> None:
-    """Load the compiled kernels: better before the first sample of a live source than after it.
+def warm_up(settings: Settings, source_rate_hz: float) -> None:
+    """Load the compiled kernels: better before the first sample of a live source than after it; else it is a waste.
 
     What turns at a given speed is looked for, found, and taken out, and a margin is fitted to the rest.
     """
@@ -126,7 +126,6 @@ class Monitor:
         self._commands = commands
         self._marks: list[str] = []
         self.trouble: str | None = None
-        _warm_up(settings, source_rate_hz)
         self._channels = [
             Channel(settings.tracker, settings.orders, settings.spindle, c, source_rate_hz)
             for c in range(source.channels)
@@ -215,8 +214,7 @@ class Monitor:
             frame = observation.odp
             judge = self._judges[frame.channel]
             verdict = judge.verdict(evidence, frame.first_sample, len(frame), frame.sample_rate_hz)
-            condition = self._source.condition()
-            if not condition.hearing and verdict.state == "unknown":
+            if verdict.state == "unknown" and not (condition := self._source.condition()).hearing:
                 verdict = msgspec.structs.replace(verdict, reasons=[*verdict.reasons, *condition.problems])
             odp = odp_message(frame)
             for outlet in self._outlets:
@@ -235,6 +233,8 @@ class Monitor:
             channel.digest()
         for mismatch in self._watching.digest() if self._watching is not None else ():
             self._send(mismatch)
+        for outlet in self._outlets:
+            outlet.digest()
 
     def _send(self, message: Announcement) -> None:
         for outlet in self._outlets:

@@ -31,7 +31,7 @@ from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.outlets.publisher import Clock, Publisher
 from chatter_monitor.outlets.timeline import Timeline
 from chatter_monitor.service.compiling import what_takes_long
-from chatter_monitor.service.monitor import Monitor
+from chatter_monitor.service.monitor import Monitor, warm_up
 from chatter_monitor.service.recorder import open_recorder
 from chatter_monitor.service.status import Status
 
@@ -119,6 +119,8 @@ class Replay:
                     settings, store, source.channels, source_rate_hz, utc_of=clock.utc_of, patient=True
                 )
                 outlets.append(stack.enter_context(recorder))
+            if self.real_time:
+                warm_up(settings, source_rate_hz)
             with _progress(source.length, status) as advance:
                 monitor = Monitor(
                     settings,

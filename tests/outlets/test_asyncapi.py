@@ -96,9 +96,11 @@ def test_real_messages_are_as_documented(publisher, make_interval, make_block, o
         assert publisher.wait_for_subscriber(WAIT_S)
         for interval in intervals:
             publisher.frame(*interval)
+            publisher.digest()
         publisher.block(make_block())
         publisher.turning(0, orders)
         publisher.frame(*make_interval())  # now with a signal
+        publisher.digest()
         for message in messages:
             publisher.message(message)
         publisher.message(MISMATCH)
@@ -145,4 +147,5 @@ def test_the_example_works(publisher, make_interval):
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
         assert publisher.wait_for_subscriber(WAIT_S)
         publisher.frame(*make_interval(first_sample=1280))
+        publisher.digest()
         assert process.communicate(timeout=WAIT_S)[0] == "odp.0 1280 (640, 2)\n"

@@ -127,6 +127,7 @@ def test_an_allowed_client_receives(publish, server, alice, messages, make_inter
     ):
         assert publisher.wait_for_subscriber(WAIT_S)
         publisher.frame(frame, odp)
+        publisher.digest()
         assert client.receive(WAIT_S).body.damping_ratio.tobytes() == frame.damping_ratio.tobytes()
         for message in messages:
             publisher.message(message)

@@ -50,6 +50,7 @@ def publish_timed(publisher: Publisher, interval, count: int) -> float:
     start = time.perf_counter()
     for _ in range(count):
         publisher.frame(*interval)
+        publisher.digest()
     return time.perf_counter() - start
 
 
@@ -61,6 +62,7 @@ def test_another_process_receives_everything(publisher, tmp_path, make_interval,
     def send_frame(**about):
         frame, odp = make_interval(**about)
         publisher.frame(frame, odp)
+        publisher.digest()
         sent.append([f"odp.{frame.channel}", digest(frame)])
 
     with subscriber_process(publisher, tmp_path / "report.json") as process:
@@ -101,6 +103,7 @@ def test_a_stopped_subscriber_delays_nobody(tmp_path, clock, make_interval):
             sent = 2 * count
             while process.poll() is None and time.monotonic() < deadline:
                 publisher.frame(*last)
+                publisher.digest()
                 sent += 1
                 time.sleep(0.005)
             assert process.wait(WAIT_S) == 0
@@ -125,8 +128,10 @@ def test_a_full_queue_costs_only_its_own_subscriber(tmp_path, clock, make_interv
         with Subscriber(publisher.endpoint) as reader:
             while reader.receive(0.01) is None:  # until it is connected
                 publisher.frame(*interval)
+                publisher.digest()
             for _ in range(100):
                 publisher.frame(*interval)
+                publisher.digest()
                 assert reader.receive(WAIT_S) is not None
             assert reader.lost == {"odp.0": 0}
 
@@ -139,6 +144,7 @@ def test_closing_brings_out_the_last_messages(clock, make_interval):
         assert publisher.wait_for_subscriber(WAIT_S)
         for _ in range(1000):
             publisher.frame(*interval)
+            publisher.digest()
         publisher.close()
         publisher.close()  # as a second call may come from a context manager
         assert [subscriber.receive(WAIT_S).header.seq for _ in range(1000)] == list(range(1000))
@@ -177,6 +183,7 @@ def test_headers_place_messages_on_the_sample_index_and_in_utc(make_interval, me
     ):
         assert publisher.wait_for_subscriber(WAIT_S)
         publisher.frame(*make_interval(first_sample=12_801))
+        publisher.digest()
         for message in (messages[0], messages[2], messages[4]):
             publisher.message(message)
         headers = [subscriber.receive(WAIT_S).header for _ in range(4)]
@@ -198,6 +205,7 @@ def test_the_summary_travels_in_the_header(publisher, make_interval):
     with Subscriber(publisher.endpoint) as subscriber:
         assert publisher.wait_for_subscriber(WAIT_S)
         publisher.frame(frame, odp)
+        publisher.digest()
         header = subscriber.receive(WAIT_S).header
     assert isinstance(header, OdpHeader)
     assert (header.odp, header.rms, header.lost, header.flags) == (odp, frame.rms, 12, ["gap"])

@@ -100,6 +100,7 @@ def test_a_subscriber_gets_what_the_view_gives(publisher, make_interval, make_bl
         received = plain = None
         while received is None or plain is None:  # until both subscriptions have arrived
             publisher.frame(*make_interval(first_sample=640))
+            publisher.digest()
             received, plain = received or curious.receive(0.1), plain or other.receive(0.1)
         assert isinstance(received.body, SignalFrame)
         view = SignalView()
@@ -122,10 +123,12 @@ def test_everything_does_not_mean_the_signal(publisher, make_interval, make_bloc
         looked, topics = None, set()
         while looked is None or not topics:  # until both subscriptions have arrived
             publisher.frame(*make_interval())
+            publisher.digest()
             looked = looked or curious.receive(0.1)
             if (received := everything.receive(0.1)) is not None:
                 topics.add(received.topic)
         publisher.frame(*make_interval())
+        publisher.digest()
         assert looked.topic == "signal.0"
         while (received := everything.receive(0.2)) is not None:
             topics.add(received.topic)
@@ -141,4 +144,5 @@ def test_nothing_is_computed_while_nobody_looks(publisher, make_interval, make_b
         publisher.block(make_block())
         publisher.turning(0, orders)
         publisher.frame(*make_interval())
+        publisher.digest()
         assert other.receive(WAIT_S).topic == "odp.0"

@@ -100,6 +100,25 @@ def test_blocks_of_any_size_give_the_same_messages(messages, block_samples):
         assert of_channel == expected
 
 
+def test_outlets_digest_when_all_verdicts_are_out():
+    """What an outlet leaves for later is done after the last channel's verdict and before the next block."""
+
+    class Digesting(Kept):
+        def block(self, block):
+            self.messages.append(f"block {block.first_sample}")
+
+        def digest(self):
+            self.messages.append("digested")
+
+    source, kept = Lossy(640), Digesting()
+    about = {"counts": source, "source_rate_hz": RATE_HZ, "session": "lossy", "clock": time.perf_counter}
+    list(Monitor(Settings(), source, [kept], **about).run())
+    heard = [getattr(message, "channel", message) for message in kept.messages if not isinstance(message, Health)]
+    assert heard[:6] == ["block 0", 0, 0, 1, 1, "digested"]
+    assert heard[6] == "block 640"
+    assert heard.count("digested") == sum(str(each).startswith("block") for each in heard) + 1  # and at the end
+
+
 def test_health_counts_what_was_lost(messages):
     """Health, once a second and at the end, tells samples in, samples lost and clipped, and the loss in words."""
     health = [message for message in messages if message["type"] == "health"]
