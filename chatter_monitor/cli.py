@@ -10,6 +10,8 @@ import click
 if TYPE_CHECKING:
     from chatter_monitor.client import Subscriber
     from chatter_monitor.outlets.event_store import EventStore
+    from chatter_monitor.service.archive.dataset import R
+    from chatter_monitor.service.archive.kind import Kind
 
 CONFIG = click.option(
     "--config", "configs", type=click.Path(path_type=Path), multiple=True, help="Machine configuration; later ones win."
@@ -85,7 +87,9 @@ def replay(
         overrides["model"] = {"file": str(model)}
     if out is not None:
         _refuse_given(context, "--out", "model", "pace", "publish", "wait_subscriber", "jsonl", "odp_table", "record")
-        _replay_archive(files, out, merged_tables(configs, overrides), jobs, scheduler, as_json)
+        from chatter_monitor.service.archive.replays import Replays
+
+        _do_archive(files, Replays(merged_tables(configs, overrides)), out, jobs, scheduler, as_json)
         return
     _refuse_given(context, "a single recording (say --out DIR)", "jobs", "scheduler")
     file = Path(files[0])
@@ -107,29 +111,30 @@ def replay(
     ).run(as_json=as_json)
 
 
-def _replay_archive(
-    files: tuple[str, ...],
-    out: Path,
-    tables: dict[str, dict[str, Any]],
-    jobs: int | None,
-    scheduler: str | None,
-    as_json: bool,
+def _do_archive(
+    files: tuple[str, ...], kind: Kind[R], out: Path, jobs: int | None, scheduler: str | None, as_json: bool
 ) -> None:
     import msgspec
     from rich.console import Console
 
-    from chatter_monitor.service.archive.replaying import PAGE, Archive
+    from chatter_monitor.service.archive.archive import PAGE, Archive
 
     if jobs is not None and scheduler is not None:
         raise click.UsageError("Choose one of --jobs and --scheduler.")
-    replayed = Archive(files, out, tables, jobs, scheduler).run()
+    done = Archive(files, kind, out, jobs, scheduler).run()
     if as_json:
-        _print_json({"out": str(out), "done": msgspec.to_builtins(replayed.done), "broken": replayed.problems})
+        _print_json({"out": str(out), "done": msgspec.to_builtins(done.done), "broken": done.problems})
     else:
-        replayed.show(Console())
+        done.show(Console())
         click.echo(f"wrote {out} and {out / PAGE}")
-    if (error := replayed.error()) is not None:
+    if (error := done.error()) is not None:
         raise error
+
+
+def _is_archive(file: str) -> bool:
+    """Whether it may be many recordings: a URL, a folder, a glob that the shell has left alone."""
+    path = Path(file)
+    return "://" in file or path.is_dir() or (not path.exists() and bool(set("*?[") & set(file)))
 
 
 def _refuse_given(context: click.Context, what: str, *parameters: str) -> None:
@@ -277,7 +282,7 @@ def identify(
 
 
 @cli.command()
-@click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="RECORDING...")
+@click.argument("files", nargs=-1, required=True, metavar="RECORDING...")
 @click.option("--model", type=click.Path(path_type=Path), required=True, help="Model file that is to explain it.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Directory for report and model.")
 @click.option("--channel", type=click.IntRange(min=0), default=0, show_default=True, help="Counted from 0.")
@@ -294,22 +299,31 @@ def identify(
 @click.option(
     "--input-channel", type=click.IntRange(min=0), default=0, show_default=True, help="Its channel, counted from 0."
 )
+@click.option("--jobs", type=click.IntRange(min=1), help="Processes for an archive; one per processor by default.")
+@click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster that is to do an archive instead.")
 @JSON
 @DEBUG
+@click.pass_context
 def diagnose(
-    files: tuple[Path, ...],
+    context: click.Context,
+    files: tuple[str, ...],
     model: Path,
     out: Path,
     channel: int,
     between_s: tuple[float, float] | None,
     driven_by: Path | None,
     input_channel: int,
+    jobs: int | None,
+    scheduler: str | None,
     as_json: bool,
 ) -> None:
     """Find out where a recording differs from a simulation, and which physics the simulation lacks.
 
     Writes report.json, report.html and model.toml, the augmented model, which `simulate` runs. Several recordings share
     one machine; a [[cut]] in the model file says at which speed each was recorded.
+
+    Folders, globs and URLs are an archive: each of its recordings is diagnosed by itself, into a data set with a page
+    of all. Run again, it does only what is left to do.
     """
     from chatter_monitor.errors import InputError
     from chatter_monitor.service.diagnosing import diagnose_file, diagnose_files, lines
@@ -317,13 +331,23 @@ def diagnose(
     def progress(step: str) -> None:
         click.echo(f"{step} ...", err=True)
 
-    if len(files) > 1:
+    if any(_is_archive(file) for file in files):
+        from chatter_monitor.service.archive.diagnoses import Diagnoses
+
+        _refuse_given(context, "folders, globs and URLs", "driven_by", "input_channel")
+        _do_archive(files, Diagnoses.of(model, channel, between_s), out, jobs, scheduler, as_json)
+        return
+    _refuse_given(context, "single recordings (give their folder)", "jobs", "scheduler")
+    recordings = [Path(file) for file in files]
+    if len(recordings) > 1:
         if driven_by is not None:
             raise InputError("--input goes with one recording only", got=f"{len(files)} recordings")
-        report, written = diagnose_files(files, model, out, channel=channel, between_s=between_s, progress=progress)
+        report, written = diagnose_files(
+            recordings, model, out, channel=channel, between_s=between_s, progress=progress
+        )
     else:
         report, written = diagnose_file(
-            files[0],
+            recordings[0],
             model,
             out,
             channel=channel,

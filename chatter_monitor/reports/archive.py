@@ -10,29 +10,47 @@ import numpy as np
 
 from chatter_monitor.outlets.look import STATES
 from chatter_monitor.records import State
-from chatter_monitor.reports.page import answer, hex_colour, numbers, page, picture, table, text
+from chatter_monitor.reports.page import Link, answer, hex_colour, numbers, page, picture, table, text
 from chatter_monitor.reports.shift import CUTTING, duration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-HEADINGS = ("recording", "length", "forced", "near chatter", "chatter", "events", "frequency", "least damping")
+HEADINGS: Sequence[str] = (
+    "recording",
+    "length",
+    "forced",
+    "near chatter",
+    "chatter",
+    "events",
+    "frequency",
+    "least damping",
+)
 LISTED = 200
 DRAWN = 40
 
 
-class Summary(msgspec.Struct, frozen=True, kw_only=True):
-    """What a recording comes to; seconds are added up over its channels.
+class Row(msgspec.Struct, frozen=True, kw_only=True):
+    """What a recording of an archive comes to.
 
     Attributes
     ----------
     key : str
-        Of the recording's content, the settings and the program.
+        Of the recording's content, what was asked of it, and the program.
+    """
+
+    key: str
+
+
+class Summary(Row, frozen=True, kw_only=True):
+    """What a recording comes to that has been replayed; seconds are added up over its channels.
+
+    Attributes
+    ----------
     peak_frequency_hz, min_damping_ratio : float or None
         Of the event with the least damping; None without an event.
     """
 
-    key: str
     machine: str
     duration_s: float
     channels: int
@@ -73,9 +91,14 @@ def row(name: str, summary: Summary) -> tuple[str, ...]:
     )
 
 
+def strikes(summary: Summary) -> bool:
+    """Whether a person should look at the recording."""
+    return summary.events > 0
+
+
 def sentence(done: Mapping[str, Summary], broken: Mapping[str, str]) -> str:
     """Sum of it in words."""
-    chatters = sum(summary.events > 0 for summary in done.values())
+    chatters = sum(map(strikes, done.values()))
     told = f"{chatters} of {len(done)} recordings chatter"
     return f"{told}; {len(broken)} could not be replayed." if broken else f"{told}."
 
@@ -93,7 +116,7 @@ def archive_page(title: str, done: Mapping[str, Summary], broken: Mapping[str, s
         What is wrong with every other one.
     """
     seconds = {state: sum(summary.seconds(state) for summary in done.values()) for state in STATES}
-    chatter = any(summary.events for summary in done.values())
+    chatter = any(map(strikes, done.values()))
     state: State = "self_excited" if chatter else "unknown" if broken else "stable"
     parts = [
         f"<h1>{text(title)}</h1>",
@@ -116,13 +139,14 @@ def archive_page(title: str, done: Mapping[str, Summary], broken: Mapping[str, s
         drawn = worst[:DRAWN]
         which = "" if len(worst) == len(drawn) else f", the {len(drawn)} worst"
         parts.append(picture(_figure(drawn), f"Share of time in each state{which}."))
-        parts += ["<h2>Recordings</h2>", *_listed(HEADINGS, [row(*item) for item in worst])]
+        parts += ["<h2>Recordings</h2>", *listed(HEADINGS, [row(*item) for item in worst])]
     if broken:
-        parts += ["<h2>Could not be replayed</h2>", *_listed(("recording", "why"), sorted(broken.items()))]
+        parts += ["<h2>Could not be replayed</h2>", *listed(("recording", "why"), sorted(broken.items()))]
     return page(title, parts)
 
 
-def _listed(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+def listed(headings: Sequence[str], rows: Sequence[Sequence[str | Link]]) -> list[str]:
+    """Table of at most `LISTED` rows, and how many more there are."""
     shown, rest = table(headings, rows[:LISTED]), len(rows) - LISTED
     return [shown, f"<p>And {rest} more, which the data set has.</p>"] if rest > 0 else [shown]
 

@@ -6,7 +6,8 @@ import base64
 import html
 import io
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+from urllib.parse import quote
 
 from chatter_monitor.outlets.look import Colour
 
@@ -66,19 +67,32 @@ def numbers(named: Sequence[tuple[str, str]]) -> str:
     return f'<div class="numbers">{cells}</div>'
 
 
-def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+class Link(NamedTuple):
+    """Text that leads to a file, by its path from the page."""
+
+    text: str
+    path: str
+
+
+def table(headings: Sequence[str], rows: Iterable[Sequence[str | Link]]) -> str:
     """Table; on a phone a row becomes a list."""
     head = "".join(f"<th>{text(heading)}</th>" for heading in headings)
     body = "".join(
         "<tr>"
         + "".join(
-            f'<td data-of="{text(heading)}"><span>{text(cell)}</span></td>'
+            f'<td data-of="{text(heading)}"><span>{_cell(cell)}</span></td>'
             for heading, cell in zip(headings, row, strict=True)
         )
         + "</tr>\n"
         for row in rows
     )
     return f'<div class="wide"><table class="stack"><thead><tr>{head}</tr></thead><tbody>\n{body}</tbody></table></div>'
+
+
+def _cell(cell: str | Link) -> str:
+    if isinstance(cell, Link):
+        return f'<a href="{quote(cell.path)}">{text(cell.text)}</a>'
+    return text(cell)
 
 
 def facts(named: Iterable[tuple[str, str]]) -> str:

@@ -2,28 +2,30 @@
 
 ``DIR/<table>/source=<name>/<key>.parquet``, where the key is that of the recording's content, the settings and the
 program. The table ``summary`` has one row for each recording and is written last: a recording with a summary is done.
+A recording may have a folder of pages, too: ``DIR/pages/source=<name>/<key>``.
 """
 
 from __future__ import annotations
 
 import fcntl
+import shutil
 import urllib.parse
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import msgspec
 import pyarrow.dataset as ds
 
 from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.outlets.durable import synchronise
-from chatter_monitor.outlets.message_tables import TABLES, write_table
-from chatter_monitor.reports.archive import Summary
+from chatter_monitor.outlets.message_tables import write_table
+from chatter_monitor.reports.archive import Row
 
 SCHEMA = "chatter-monitor/archive/1"
-SUMMARY = "summary"
+SUMMARY, PAGES = "summary", "pages"
 LONGEST_NAME = 255  # bytes, of Linux's file systems
 
 
@@ -35,11 +37,26 @@ class Claim(msgspec.Struct, frozen=True):
     settings: dict[str, dict[str, Any]]
 
 
+R = TypeVar("R", bound=Row)
+
+
 @dataclass(frozen=True)
-class DataSet:
-    """A directory that holds the results of an archive."""
+class DataSet(Generic[R]):
+    """A directory that holds the results of an archive.
+
+    Attributes
+    ----------
+    path : Path
+        The directory.
+    tables : tuple of str
+        Names of the tables beside the summary.
+    summary : type
+        Class of the summary's rows.
+    """
 
     path: Path
+    tables: tuple[str, ...]
+    summary: type[R]
 
     @contextmanager
     def claimed(self, claim: Claim) -> Iterator[None]:
@@ -68,7 +85,7 @@ class DataSet:
                     synchronise(part)
                     part.replace(mark)
                 for left in self.path.glob("*/*/.*.part"):  # by a run that was killed
-                    left.unlink(missing_ok=True)
+                    _remove(left)
                 yield
         except OSError as error:
             raise EnvironmentFault(f"the results cannot be written: {error.strerror}", got=str(self.path)) from error
@@ -108,7 +125,7 @@ class DataSet:
         """Whether there is a result for this content and these settings."""
         return self.file(SUMMARY, recording, key).exists()
 
-    def commit(self, recording: str, summary: Summary) -> None:
+    def commit(self, recording: str, summary: R) -> None:
         """Make a recording's tables, which are there already, its only result.
 
         Raises
@@ -116,25 +133,84 @@ class DataSet:
         EnvironmentFault
             If the disk is full or fails.
         """
-        for table in (*TABLES, SUMMARY):
-            for other in self.file(table, recording, summary.key).parent.glob("*.parquet"):
+        for table in (*self.tables, PAGES, SUMMARY):
+            for other in self.file(table, recording, summary.key).parent.glob("[!.]*"):
                 if other.stem != summary.key:  # of what the recording was before it was replaced
-                    other.unlink(missing_ok=True)
-        for table in TABLES:  # a summary that outlives a power failure must find the folders of its tables
+                    _remove(other)
+        for table in self.tables:  # a summary that outlives a power failure must find the folders of its tables
             synchronise(self.path / table)
         write_table(self.file(SUMMARY, recording, summary.key), [summary])
 
-    def summaries(self) -> dict[str, Summary]:
+    def summaries(self) -> dict[str, R]:
         """Summary of every recording that is done, by name."""
         if not any(self.path.glob(f"{SUMMARY}/*/*.parquet")):
             return {}
         rows = open_table(self.path, SUMMARY).to_table().to_pylist()
-        return {row.pop("source"): msgspec.convert(row, Summary) for row in sorted(rows, key=_source)}
+        return {row.pop("source"): msgspec.convert(row, self.summary) for row in sorted(rows, key=_source)}
+
+
+@dataclass(frozen=True)
+class Place(Generic[R]):
+    """Where the result of a recording goes.
+
+    Attributes
+    ----------
+    results : DataSet
+    recording : str
+        Its name.
+    key : str
+        Of its content, what else decides, and the program.
+    """
+
+    results: DataSet[R]
+    recording: str
+    key: str
+
+    def file(self, table: str) -> Path:
+        """File of a table."""
+        return self.results.file(table, self.recording, self.key)
+
+    @property
+    def folder(self) -> Path:
+        """Where the recording's pages are."""
+        return self.file(PAGES).with_suffix("")
+
+    @contextmanager
+    def pages(self) -> Iterator[Path]:
+        """A folder for the recording's pages, to be filled; it gets its name when it is complete.
+
+        Raises
+        ------
+        EnvironmentFault
+            If the disk is full or fails.
+        """
+        folder = self.folder
+        part = folder.with_name(f".{self.key}.part")
+        try:
+            _remove(part)
+            part.mkdir(parents=True)
+            yield part
+            for written in (*part.iterdir(), part):
+                synchronise(written)
+            _remove(folder)
+            part.replace(folder)
+        except OSError as error:
+            raise EnvironmentFault(f"pages cannot be written: {error.strerror}", got=str(folder)) from error
+        finally:
+            _remove(part)
 
 
 def open_table(path: Path, table: str) -> ds.Dataset:
     """Open a table of the data set for reading, with the column ``source``."""
     return ds.dataset(path / table, format="parquet", partitioning="hive")
+
+
+def _remove(path: Path) -> None:
+    """Remove a file or a folder, if there is one."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def _source(row: dict[str, object]) -> str:

@@ -10,9 +10,10 @@ import fsspec
 import pyarrow.parquet as pq
 import pytest
 
-from chatter_monitor.service.archive.dataset import DataSet, open_table
+from chatter_monitor.service.archive.dataset import open_table
 from chatter_monitor.service.archive.job import Job, claim, work
 from chatter_monitor.service.archive.recordings import find
+from chatter_monitor.service.archive.replays import Replays
 from chatter_monitor.service.archive.spread import ATTEMPTS, in_processes
 from tests.service.archive.cuts import Deadly, write
 
@@ -23,7 +24,7 @@ def job(tmp_path):
     write(tmp_path / "cut.wav", 900.0)
     (recording,) = find([str(tmp_path / "cut.wav")])
     (tmp_path / "out").mkdir()
-    return Job(recording, {}, tmp_path / "out", version("chatter-monitor"))
+    return Job(recording, Replays({}), tmp_path / "out", version("chatter-monitor"))
 
 
 def files(job: Job) -> list[Path]:
@@ -33,7 +34,7 @@ def files(job: Job) -> list[Path]:
 def test_results_of_a_recording(job):
     """Every table gets the recording's rows, and the summary says what they come to."""
     assert work(job).problem is None
-    (summary,) = DataSet(job.out).summaries().values()
+    (summary,) = job.kind.results(job.out).summaries().values()
     verdicts = open_table(job.out, "verdict").to_table()
     events = open_table(job.out, "event").to_table().to_pylist()
     assert set(verdicts["source"].to_pylist()) == {job.recording.name}
@@ -52,7 +53,7 @@ def test_what_is_done_is_not_done_again(job):
     once, names = {path: (job.out / path).stat().st_mtime_ns for path in files(job)}, set(files(job))
     work(job)
     assert {path: (job.out / path).stat().st_mtime_ns for path in files(job)} == once
-    work(dataclasses.replace(job, tables={"spindle": {"speed_rpm": 1500.0}}))
+    work(dataclasses.replace(job, kind=Replays({"spindle": {"speed_rpm": 1500.0}})))
     other = set(files(job))
     assert len(other) == len(names) == 4
     assert not names & other
@@ -64,8 +65,8 @@ def test_what_is_done_is_not_done_again(job):
 
 def test_what_says_where_to_publish_changes_no_result():
     """The key depends on what verdicts depend on, not on sockets and directories."""
-    assert claim({"publish": {"bind": "tcp://127.0.0.1:1"}}) == claim({})
-    assert claim({"tracker": {"memory_ms": 90}}) != claim({})
+    assert claim(Replays({"publish": {"bind": "tcp://127.0.0.1:1"}})) == claim(Replays({}))
+    assert claim(Replays({"tracker": {"memory_ms": 90}})) != claim(Replays({}))
 
 
 def test_a_result_without_summary_is_done_again(job):
@@ -74,7 +75,7 @@ def test_a_result_without_summary_is_done_again(job):
     summary = next(job.out.glob("summary/*/*.parquet"))
     expected = pq.read_table(summary).to_pylist()
     summary.unlink()
-    assert DataSet(job.out).summaries() == {}
+    assert job.kind.results(job.out).summaries() == {}
     work(job)
     assert pq.read_table(summary).to_pylist() == expected
     assert open_table(job.out, "verdict").to_table().num_rows == 40
@@ -106,7 +107,7 @@ def test_workers_that_cannot(job):
 
 def test_a_bug_does_not_stop_the_rest(job):
     """What nobody foresaw is told as a bug, with exit code 1."""
-    outcome = work(dataclasses.replace(job, tables={"spindle": None}))
+    outcome = work(dataclasses.replace(job, kind=Replays({"spindle": None})))
     assert outcome.exit_code == 1
     assert "this is a bug" in str(outcome.problem)
 

@@ -1,4 +1,4 @@
-"""An archive replayed: find the recordings, do what is left to do, report on all."""
+"""Something done with every recording of an archive: find them, do what is left to do, report on all."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Generic
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from chatter_monitor.errors import ChatterMonitorError, EnvironmentFault, InputError
-from chatter_monitor.reports.archive import HEADINGS, Summary, archive_page, row, sentence, worst_first
-from chatter_monitor.service.archive.dataset import DataSet
+from chatter_monitor.service.archive.dataset import R
 from chatter_monitor.service.archive.job import Job, Outcome, claim
+from chatter_monitor.service.archive.kind import Kind
 from chatter_monitor.service.archive.recordings import find
 from chatter_monitor.service.archive.spread import in_processes, on_cluster, processors
 from chatter_monitor.service.compiling import what_takes_long
@@ -26,17 +26,17 @@ SHOWN = 20
 
 
 @dataclass(frozen=True)
-class Archive:
-    """Recordings to replay and where their results go.
+class Archive(Generic[R]):
+    """Recordings, what is to be done with them, and where the results go.
 
     Attributes
     ----------
     files : sequence of str
         Files, folders and globs, as paths or URLs.
+    kind : Kind
+        What is to be done.
     out : Path
         The data set.
-    tables : dict
-        What the machine configuration says, without its defaults.
     processes : int or None
         How many at a time; as many as there are processors by default.
     scheduler : str or None
@@ -44,31 +44,31 @@ class Archive:
     """
 
     files: Sequence[str]
+    kind: Kind[R]
     out: Path
-    tables: dict[str, dict[str, Any]]
     processes: int | None = None
     scheduler: str | None = None
 
-    def run(self) -> Replayed:
+    def run(self) -> Done[R]:
         """Do what is not done yet and write the page.
 
         Raises
         ------
         InputError
-            If there are no recordings, the configuration is wrong, or the directory holds results of another one.
+            If there are no recordings, what is to be done makes no sense, or the directory holds other results.
         EnvironmentFault
             If a place cannot be reached, the directory cannot be written, or the cluster goes away.
         """
         recordings = find(self.files)
-        results = DataSet(self.out.absolute())
-        with results.claimed(claim(self.tables)):
-            jobs = [Job(recording, self.tables, results.path, version("chatter-monitor")) for recording in recordings]
+        results = self.kind.results(self.out.absolute())
+        with results.claimed(claim(self.kind)):
+            jobs = [Job(recording, self.kind, results.path, version("chatter-monitor")) for recording in recordings]
             broken = [outcome for outcome in self._outcomes(jobs) if outcome.problem is not None]
-            replayed = Replayed(results.summaries(), broken)
-            self._check_seen(jobs, replayed)
-            page = archive_page(f"Archive: {self.out}", replayed.done, replayed.problems)
+            done = Done(self.kind, results.summaries(), broken)
+            self._check_seen(jobs, done)
+            page = self.kind.telling.archive_page(f"Archive: {self.out}", done.done, done.problems)
             (results.path / PAGE).write_text(page, encoding="utf-8")
-        return replayed
+        return done
 
     def _outcomes(self, jobs: Sequence[Job]) -> list[Outcome]:
         """Have the jobs done."""
@@ -76,12 +76,12 @@ class Archive:
             outcomes = on_cluster(jobs, self.scheduler)
         else:
             outcomes = in_processes(jobs, self.processes or processors())
-        with _progress(len(jobs)) as advance:
+        with _progress(self.kind.doing, len(jobs)) as advance:
             return [advance(outcome) for outcome in outcomes]
 
-    def _check_seen(self, jobs: Sequence[Job], replayed: Replayed) -> None:
+    def _check_seen(self, jobs: Sequence[Job], done: Done[R]) -> None:
         for job in jobs:
-            if job.recording.name not in replayed.done.keys() | replayed.problems.keys():
+            if job.recording.name not in done.done.keys() | done.problems.keys():
                 raise EnvironmentFault(
                     "the workers write their results where they cannot be seen from here",
                     got=str(self.out),
@@ -90,61 +90,65 @@ class Archive:
 
 
 @dataclass(frozen=True)
-class Replayed:
+class Done(Generic[R]):
     """What an archive comes to.
 
     Attributes
     ----------
+    kind : Kind
+        What was to be done.
     done : mapping
-        Summary of every recording that has been replayed, now or before.
+        What every recording comes to with which it has been done, now or before.
     broken : sequence of Outcome
-        Those that could not be replayed now.
+        Those with which it could not be done now.
     """
 
-    done: Mapping[str, Summary]
+    kind: Kind[R]
+    done: Mapping[str, R]
     broken: Sequence[Outcome]
 
     @property
     def problems(self) -> dict[str, str]:
-        """What is wrong with each recording that could not be replayed."""
+        """What is wrong with each recording with which it could not be done."""
         return {outcome.recording: str(outcome.problem) for outcome in self.broken}
 
     def show(self, console: Console) -> None:
         """Print table and totals."""
+        telling = self.kind.telling
         table = Table(box=None, pad_edge=False, collapse_padding=True, header_style="grey50")
-        table.add_column(HEADINGS[0], overflow="fold", vertical="bottom")
-        for heading in HEADINGS[1:]:
+        table.add_column(telling.HEADINGS[0], overflow="fold", vertical="bottom")
+        for heading in telling.HEADINGS[1:]:
             table.add_column(heading.replace(" ", "\n"), justify="right", no_wrap=True)
-        worst = worst_first(self.done)
+        worst = telling.worst_first(self.done)
         for name, summary in worst[:SHOWN]:
-            table.add_row(*row(name, summary), style="bold red" if summary.events else None)
+            table.add_row(*telling.row(name, summary), style="bold red" if telling.strikes(summary) else None)
         console.print(table)
         if len(worst) > SHOWN:
             console.print(f"  and {len(worst) - SHOWN} more", style="grey50")
         for name, problem in sorted(self.problems.items()):
             console.print(f"  {name}: {problem}", style="magenta", markup=False, highlight=False, soft_wrap=True)
-        console.print(sentence(self.done, self.problems), highlight=False)
+        console.print(telling.sentence(self.done, self.problems), highlight=False)
 
     def error(self) -> ChatterMonitorError | None:
-        """What the command ends with if recordings could not be replayed: a bug's exit code before all others."""
+        """What the command ends with if recordings are broken: a bug's exit code before all others."""
         count = "a recording" if len(self.broken) == 1 else f"{len(self.broken)} recordings"
         remedy = "The others are done. Run the same command again when this is mended; it does what is left."
         for kind in (ChatterMonitorError, EnvironmentFault, InputError):
             names = sorted(outcome.recording for outcome in self.broken if outcome.exit_code == kind.exit_code)
             if names:
-                return kind(f"{count} could not be replayed", got=names[0], remedy=remedy)
+                return kind(f"{count} could not be {self.kind.done}", got=names[0], remedy=remedy)
         return None
 
 
 @contextmanager
-def _progress(total: int) -> Iterator[Callable[[Outcome], Outcome]]:
+def _progress(doing: str, total: int) -> Iterator[Callable[[Outcome], Outcome]]:
     """Progress on standard error, only where a person looks at it."""
     console = Console(stderr=True)
     if (first := what_takes_long()) is not None:
         console.print(f"{first.capitalize()}.")
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("replaying", total=total)
+        task = progress.add_task(doing, total=total)
 
         def advance(outcome: Outcome) -> Outcome:
             progress.advance(task)
