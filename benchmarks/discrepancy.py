@@ -22,7 +22,7 @@ from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
 from chatter_monitor.discrepancy.innovations import known_forces
 from chatter_monitor.discrepancy.observer import Linear, observer, sized
 from chatter_monitor.discrepancy.show import page
-from chatter_monitor.kernels.signatures import Motion, observe
+from chatter_monitor.kernels.signatures import AFTER, BEFORE, SMOOTH, SUBSTEPS, Motion, observe
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Mode, Sensor, Spindle
 from chatter_monitor.physics.terms import CATALOGUE
@@ -81,8 +81,9 @@ def filter_nanoseconds() -> dict[str, tuple[float, float]]:
         source = Path(__file__).with_name("observer_limit.c")
         subprocess.run([compiler, "-O3", "-march=native", "-o", program, source], check=True)
         numbers = (
-            steady.transition, steady.begin, steady.end, steady.gain, steady.output, steady.tool, steady.spread,
-            [steady.step_s, steady.omega, 0.02], samples,
+            steady.transition, steady.begin, steady.end, steady.gain, steady.output, steady.tool,
+            *(steady.spread[when + SUBSTEPS : when + SUBSTEPS + SMOOTH] for when in (BEFORE, AFTER)),
+            steady.back, [steady.step_s, steady.omega, 0.02], samples,
         )  # fmt: skip
         np.concatenate([np.ravel(each) for each in numbers]).tofile(data)
         said = subprocess.run([program, data], check=True, capture_output=True, text=True).stdout.split()

@@ -23,7 +23,7 @@ from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.side_by_side import each
 from chatter_monitor.discrepancy.whitening import ORDER
 from chatter_monitor.physics.model import MachiningSystem
-from chatter_monitor.physics.parts import AppliedTerm, Excitation, Mode
+from chatter_monitor.physics.parts import AppliedTerm, Excitation
 
 Vector = NDArray[np.float64]
 
@@ -33,6 +33,8 @@ _DAMPINGS = (0.0, 0.1, 1.0, 10.0, 100.0)  # of a step (Levenberg and Marquardt),
 _HOPE = 3.0  # times what the next step promises: as much a model may still gain
 _LARGEST_STEP = 0.5  # relative, of a shape
 _DERIVATIVE_STEP = 0.02
+_NOISE_STEP, _LARGEST_NOISE_STEP = 0.1, 1.0  # of the logarithm of the noise
+_LEAST_NOISE = 1e-6  # over the motion: less changes nothing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +83,7 @@ class Start:
     price_nats: float = 0.0
 
 
-def augment(case: Case, found: Sequence[AppliedTerm], modes: tuple[Mode, ...] | None = None) -> Augmented:
+def augment(case: Case, found: Sequence[AppliedTerm], linear: Linear | None = None) -> Augmented:
     """Fit the terms that were found together with the modes.
 
     Parameters
@@ -89,16 +91,15 @@ def augment(case: Case, found: Sequence[AppliedTerm], modes: tuple[Mode, ...] | 
     case : Case
     found : sequence of AppliedTerm
         Terms with the coefficients to begin with, beside those that the base has.
-    modes : tuple of Mode, optional
-        To begin with; those of the base if not given.
+    linear : Linear, optional
+        Linear part to begin with; that of the base if not given.
 
     Raises
     ------
     Diverged
         If the model runs away from the recording however little there is of the terms.
     """
-    linear = case.innovations.linear
-    start = Start(tuple(found), replace(linear, modes=modes) if modes else linear, case.innovations.terms)
+    start = Start(tuple(found), linear or case.innovations.linear, case.innovations.terms)
     return fullest(case, [start])[1]
 
 
@@ -135,7 +136,8 @@ class _Climb:
         before = start.before
         if any(applied.term.chip_thickness for applied in start.found):  # it stands for the delay whose chip never ends
             before = tuple(applied for applied in before if not applied.term.delayed)
-        self.model = _Model(start.linear, (*before, *start.found), len(before))
+        linear = replace(start.linear, noise=max(start.linear.noise, _LEAST_NOISE))
+        self.model = _Model(linear, (*before, *start.found), len(before))
         self.here: _Fitted | None = None
         self.steps_left = STEPS
 
@@ -186,7 +188,7 @@ class _Climb:
 
 @dataclass(frozen=True, slots=True)
 class _Knob:
-    """A parameter that is fitted: of a term, or of the mode."""
+    """A parameter that is fitted: of a term, of the mode, or the logarithm of the sensor's noise."""
 
     name: str
     term: int | None = None
@@ -203,7 +205,7 @@ class _Model:
     @property
     def knobs(self) -> list[_Knob]:
         """What is fitted; several modes stay as they are."""
-        free = [_Knob("frequency_hz"), _Knob("damping_ratio")] if len(self.linear.modes) == 1 else []
+        free = [_Knob("frequency_hz"), _Knob("damping_ratio"), _Knob("noise")] if len(self.linear.modes) == 1 else []
         for number, applied in enumerate(self.terms[self.first :], self.first):
             for parameter in applied.term.parameters:
                 value = applied.parameters.get(parameter.name, parameter.default or 0.0)
@@ -213,12 +215,16 @@ class _Model:
 
     def value(self, knob: _Knob) -> float:
         """Of a parameter."""
+        if knob.name == "noise":
+            return math.log(self.linear.noise)
         if knob.term is None:
             return float(getattr(self.linear.modes[0], knob.name))
         return self.terms[knob.term].parameters[knob.name]
 
     def _nudge(self, knob: _Knob, inn: Innovations) -> float:
         """Change of a parameter over which its slope is taken."""
+        if knob.name == "noise":
+            return _NOISE_STEP
         value = abs(self.value(knob))
         if knob.term is None:
             width = self.linear.modes[0].damping_ratio if knob.name == "frequency_hz" else 1.0
@@ -235,10 +241,13 @@ class _Model:
     def turned(self, knob: _Knob, change: float) -> _Model:
         """The model with one parameter changed, as far as its bounds allow."""
         before = self.value(knob)
+        if knob.name == "noise":
+            step = min(max(change, -_LARGEST_NOISE_STEP), _LARGEST_NOISE_STEP)
+            return replace(self, linear=replace(self.linear, noise=max(math.exp(before + step), _LEAST_NOISE)))
         if knob.term is None:
             low, high = (1e-5, 0.9) if knob.name == "damping_ratio" else (0.5 * before, 2.0 * before)
             mode = replace(self.linear.modes[0], **{knob.name: min(max(before + change, low), high)})
-            return replace(self, linear=replace(self.linear, modes=(mode,)))
+            return replace(self, linear=self.linear.retuned(mode))
         applied = self.terms[knob.term]
         parameter = next(p for p in applied.term.parameters if p.name == knob.name)
         if not parameter.linear:
@@ -332,7 +341,9 @@ def _fitted(case: Case, model: _Model, beat: _Fitted | None = None) -> _Fitted |
     if held:
         free = [i for i in free if i not in held]
         normal, right = _beside(total, free, others + held)
-    return _Fitted(inn, loss, columns, np.sqrt(np.diag(inverse)), free, normal, right)
+    return _Fitted(
+        inn, loss, [column for column in columns if column.any()], np.sqrt(np.diag(inverse)), free, normal, right
+    )
 
 
 def _beside(total: NDArray[np.float64], columns: list[int], others: list[int]) -> tuple[NDArray[np.float64], Vector]:

@@ -26,7 +26,7 @@ from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.innovations import rate_of, substeps_of
 from chatter_monitor.discrepancy.whitening import ORDER, trusted, whitened, whitener
 from chatter_monitor.errors import InputError
-from chatter_monitor.kernels.signatures import Motion, Observer, force_along
+from chatter_monitor.kernels.signatures import AHEAD, Motion, Observer, force_along
 from chatter_monitor.physics.terms import Term
 
 Vector = NDArray[np.float64]
@@ -83,7 +83,7 @@ class Balance:
         """Force of a term along the motion, at the full rate; w counts as 1, so that coefficients are forces."""
         still = Observer(
             np.zeros((1, 1)), np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1), 0.0, np.zeros((2, 1)),
-            np.zeros((2, 2)), self.step_s, 1.0, 0.0, 0.0,
+            np.zeros((AHEAD + 1, 2, 2)), np.zeros(2), self.step_s, 1.0, 0.0, 0.0,
         )  # fmt: skip
         out = np.empty((2, self.present.size))
         how = term.compiled_force.address, rate_of(term), substeps_of(term)

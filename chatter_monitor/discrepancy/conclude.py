@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -28,6 +29,7 @@ from chatter_monitor.discrepancy.findings import (
 from chatter_monitor.discrepancy.innovations import Diverged
 from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
 from chatter_monitor.discrepancy.name import MOST_TERMS, PRICE_NATS, Scored
+from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.report import Finding, Fit, Located, Report, Statistic, Verdict
 from chatter_monitor.discrepancy.whereabouts import MAPPED_P, whereabouts
 from chatter_monitor.physics.model import MachiningSystem
@@ -116,7 +118,7 @@ def conclude(case: Case) -> Diagnosis:
         if min(each.p_value for each in plane) < MAPPED_P and (further := _further(case, first, augmented)):
             terms = [*augmented.system.terms[-1:], *(_applied(case, scored) for scored in further)]
             try:
-                augmented = augment(case, terms, augmented.system.modes)
+                augmented = augment(case, terms, augmented.innovations.linear)
                 case.rest, plane = examine_rest(case, augmented.innovations, augmented.columns)
                 case.named += further
             except Diverged:
@@ -180,10 +182,10 @@ def _fullest(case: Case) -> tuple[Scored, Augmented, list[Omission]] | None:
     inn, base = case.innovations, case.base
     machine = [omission for omission in base.omissions if omission.name in MECHANICAL]
     price = PRICE_NATS * sum(len(omission.parameters) for omission in machine)
-    starts = [Start((_applied(case, scored),), inn.linear, inn.terms, price) for scored in rivals]
+    starts = [Start((_applied(case, scored),), _retuned(inn.linear, scored), inn.terms, price) for scored in rivals]
     if machine:
         alone = [scored for scored in rivals if not scored.candidate.term.chip_thickness]
-        starts += [Start((_applied(case, s),), base.fitted.linear, case.system.terms) for s in alone]
+        starts += [Start((_applied(case, s),), _retuned(base.fitted.linear, s), case.system.terms) for s in alone]
         rivals += alone
     try:
         number, augmented = fullest(case, starts)
@@ -204,6 +206,18 @@ def _further(case: Case, first: Scored, augmented: Augmented) -> list[Scored]:
         kept = [there[column] for column in scored.columns]
         found.append(replace(scored, all_columns=columns[scored.candidate], columns=kept))
     return found
+
+
+def _retuned(linear: Linear, scored: Scored) -> Linear:
+    """Without the stiffness and the damping that the base has in place of a term."""
+    mode = linear.modes[0]
+    if len(linear.modes) > 1 or scored.candidate.term.chip_thickness:
+        return linear
+    stiffer, damped = scored.fit.all_coefficients[:2]
+    omega = math.sqrt(max(mode.omega**2 + float(stiffer), 0.25 * mode.omega**2))
+    ratio = (2.0 * mode.damping_ratio * mode.omega + float(damped)) / (2.0 * omega)
+    mode = replace(mode, frequency_hz=omega / (2.0 * math.pi), damping_ratio=max(ratio, 0.1 * mode.damping_ratio))
+    return linear.retuned(mode)
 
 
 def _applied(case: Case, scored: Scored) -> AppliedTerm:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from chatter_monitor.kernels.signatures import Observer
+from chatter_monitor.kernels.signatures import NODES, Observer
 from chatter_monitor.physics.parts import Mode, Quantity, Spindle
 
 Matrix = NDArray[np.float64]
@@ -46,6 +46,14 @@ class Linear:
     delay_s: float | None = None
     regeneration: float = 0.0
 
+    def retuned(self, mode: Mode) -> Linear:
+        """With another first mode, force and sensor as they are.
+
+        `noise` is relative to a motion whose variance goes with the reciprocal of the damping ratio.
+        """
+        noise = self.noise * mode.damping_ratio / self.modes[0].damping_ratio
+        return replace(self, modes=(mode, *self.modes[1:]), noise=noise)
+
 
 def observer(linear: Linear, rate_hz: float) -> Observer:
     """Steady Kalman filter of a linear machine at a sample rate.
@@ -82,15 +90,21 @@ def observer(linear: Linear, rate_hz: float) -> Observer:
             Q = np.outer(unit, unit)
             H, tool = np.append(H, size * D), np.pad(tool, ((0, 0), (0, 1)))
             begin, end = np.append(begin, 0.0), np.append(end, 0.0)
-    Q /= float(H @ linalg.solve_discrete_lyapunov(phi, Q) @ H)
+    variance = float(H @ linalg.solve_discrete_lyapunov(phi, Q) @ H)
+    Q /= variance
     ahead, S, K = _steady(phi, Q, H, max(linear.noise, LEAST_NOISE))
     after = ahead - np.outer(K, K) * S
-    spread = _root(tool @ after @ tool.T / S)
+    on_the_way: list[Matrix] = [after] * (2 * len(NODES))  # a sensor that feels the force needs none of them
+    if D == 0.0:
+        intensity = (1.0 if linear.quantity == "displacement" else step_s) / variance
+        on_the_way = _along_step(A, force, H, step_s, after, intensity, S)
+    spread = np.array([_root(tool @ covariance @ tool.T / S) for covariance in (*on_the_way, after, ahead)])
+    back = tool @ after @ phi.T @ H / S
     spindle = linear.spindle
     delay = spindle.delay_s * rate_hz if spindle else 0.0
     turn = spindle.omega * step_s if spindle else 0.0
     omega = linear.modes[0].omega
-    return Observer(phi, begin, end, K, H, D, tool, spread, step_s, omega, delay, turn)
+    return Observer(phi, begin, end, K, H, D, tool, spread, back, step_s, omega, delay, turn)
 
 
 def sized(steady: Observer, error_sd: float) -> Observer:
@@ -173,8 +187,25 @@ def _noise(A: Matrix, force: Matrix, step_s: float) -> Matrix:
     return np.asarray(0.5 * (Q + Q.T))
 
 
+def _along_step(
+    A: Matrix, force: Matrix, H: Matrix, step_s: float, after: Matrix, intensity: float, S: float
+) -> list[Matrix]:
+    """Covariance of the state at the nodes of a step, before the sample at its end is seen, and then after.
+
+    White noise of that intensity drives it; S is the variance of that sample's prediction error.
+    """
+    before, seen = [], []
+    for s in NODES:
+        begun, left = linalg.expm(A * s * step_s), linalg.expm(A * (1.0 - s) * step_s)
+        P = begun @ after @ begun.T + intensity * _noise(A, force, s * step_s)
+        told = P @ left.T @ H
+        before.append(P)
+        seen.append(P - np.outer(told, told) / S)
+    return before + seen
+
+
 def _root(P: Matrix) -> Matrix:
-    """Lower triangular square root of a 2 x 2 covariance."""
-    a = np.sqrt(max(P[0, 0], 0.0))
-    b = P[1, 0] / a if a > 0.0 else 0.0
-    return np.array([[a, 0.0], [b, np.sqrt(max(P[1, 1] - b * b, 0.0))]])
+    """Square root of the covariance of displacement and velocity; its first column holds all of the velocity."""
+    a = np.sqrt(max(P[1, 1], 0.0))
+    b = P[0, 1] / a if a > 0.0 else 0.0
+    return np.array([[b, np.sqrt(max(P[0, 0] - b * b, 0.0))], [a, 0.0]])

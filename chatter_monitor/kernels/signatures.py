@@ -24,6 +24,15 @@ from chatter_monitor.kernels.options import OPTIONS
 SUBSTEPS = 4  # of a force that jumps, and of a term's memory, between two samples
 SMOOTH = 2  # of a force that does not jump: Gauss points
 _GAUSS = 0.5 / np.sqrt(3.0)
+# Parts of a step at which forces are evaluated: those that jump, and those that do not.
+NODES = (*((i + 0.5) / SUBSTEPS for i in range(SUBSTEPS)), 0.5 - _GAUSS, 0.5 + _GAUSS)
+# Where `Observer.spread` holds the nodes before the sample at the end of the step is seen, and after; that sample, once
+# it is seen, and before.
+BEFORE, AFTER, SEEN, AHEAD = 0, len(NODES), 2 * len(NODES), 2 * len(NODES) + 1
+# What jumps is averaged over a normal variable at both signs of two values, and at two others at every second node:
+# medians of eight shares of it, the outer ones smaller, because a far crossing of zero counts as well.
+_MEDIANS = ((0.266, 2.054), (0.824, 1.405))
+_SHARES = ((0.42, 0.08), (0.34, 0.16))
 _FEW = 64  # even: the state is where it was after so many steps
 
 
@@ -37,7 +46,8 @@ class Observer(NamedTuple):
     output: np.ndarray  # (n,) H
     feed: float  # D: answer of the sensor to a force at the same instant
     tool: np.ndarray  # (2, n) displacement and velocity of the tool
-    spread: np.ndarray  # (2, 2) square root of the covariance that a seen sample leaves to them
+    spread: np.ndarray  # (AHEAD + 1, 2, 2) square roots of the covariance of their errors
+    back: np.ndarray  # (2,) what a prediction error tells of them one sample before
     step_s: float
     omega: float  # angular frequency of the first mode
     delay: float  # from one tooth to the next, in samples; 0 for none
@@ -74,31 +84,50 @@ def delayed(x, now, delay):
 
 
 @njit(**OPTIONS)
+def averaged(address, jumps, x, v, lagged, angle, omega, z, parameters, spread, turn_of):
+    """Force averaged over what is not known of the tool's state.
+
+    A force that jumps does so in the velocity, the first column of the spread; for any other each column in turn
+    gives two cubature points.
+    """
+    if jumps:
+        force = 0.0
+        for i in range(2):
+            dx, dv = _MEDIANS[turn_of][i] * spread[0, 0], _MEDIANS[turn_of][i] * spread[1, 0]
+            both = call_force(address, x + dx, v + dv, lagged, angle, omega, z, parameters)
+            both += call_force(address, x - dx, v - dv, lagged, angle, omega, z, parameters)
+            force += _SHARES[turn_of][i] * both
+        return force
+    dx, dv = 1.4142135623730951 * spread[0, turn_of], 1.4142135623730951 * spread[1, turn_of]
+    force = call_force(address, x + dx, v + dv, lagged, angle, omega, z, parameters)
+    return 0.5 * (force + call_force(address, x - dx, v - dv, lagged, angle, omega, z, parameters))
+
+
+@njit(**OPTIONS)
 def over_step(
-    address, substeps, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0, z1, parameters, spread, step_s
-):
+    address, substeps, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0, z1, parameters, spread, when,
+    step_s,
+):  # fmt: skip
     """Force over one step as a straight line, its values at both ends, for a sensor of what the force has moved.
 
     Between the samples the tool moves along a cubic; the line has the mean and the first moment of the force on
     it, so that a jump within the step (friction, contact) counts when it happens. What is not known of the tool's state
-    is averaged over by cubature points.
+    there, BEFORE or AFTER its end is seen, is averaged over.
     """
     mean = 0.0
     slope = 0.0
     square = 0.0
+    smooth = substeps == SMOOTH
     for i in range(substeps):
-        s = (i + 0.5) / substeps
-        if substeps == SMOOTH:
-            s = 0.5 + (2 * i - 1) * _GAUSS
+        node = SUBSTEPS + i if smooth else i
+        s = NODES[node]
         r = 1.0 - s
         x = r * r * (1.0 + 2.0 * s) * x0 + s * s * (1.0 + 2.0 * r) * x1 + step_s * s * r * (r * v0 - s * v1)
         v = 6.0 * s * r * (x1 - x0) / step_s + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
         lagged = r * lagged0 + s * lagged1
         z = r * z0 + s * z1
-        dx, dv = 1.4142135623730951 * spread[0, i % 2], 1.4142135623730951 * spread[1, i % 2]
         turned = angle + s * turn
-        force = 0.5 * call_force(address, x + dx, v + dv, lagged, turned, omega, z, parameters)
-        force += 0.5 * call_force(address, x - dx, v - dv, lagged, turned, omega, z, parameters)
+        force = averaged(address, not smooth, x, v, lagged, turned, omega, z, parameters, spread[when + node], i % 2)
         mean += force
         slope += force * (s - 0.5)
         square += (s - 0.5) ** 2
@@ -114,17 +143,16 @@ def at_sample(address, substeps, x0, v0, lagged, angle, turn, omega, z, paramete
     Its low-pass and the filter's own idea of the force, one number per sample, leave of a jump the mean from half a
     step before to half a step after; a smooth force is taken as it is.
     """
-    nodes = 1 if substeps == SMOOTH else substeps
+    if substeps == SMOOTH:
+        force = averaged(address, False, x0, v0, lagged, angle, omega, z, parameters, spread, 0)
+        return 0.5 * (force + averaged(address, False, x0, v0, lagged, angle, omega, z, parameters, spread, 1))
     mean = 0.0
-    for i in range(nodes):
-        s = ((i + 0.5) / nodes - 0.5) * step_s
+    for i in range(substeps):
+        s = ((i + 0.5) / substeps - 0.5) * step_s
         x, v = x0 + s * v0, v0 - s * omega * omega * x0
         turned = angle + turn * s / step_s
-        for column in range(2):
-            dx, dv = 1.4142135623730951 * spread[0, column], 1.4142135623730951 * spread[1, column]
-            mean += call_force(address, x + dx, v + dv, lagged, turned, omega, z, parameters)
-            mean += call_force(address, x - dx, v - dv, lagged, turned, omega, z, parameters)
-    return 0.25 * mean / nodes
+        mean += averaged(address, True, x, v, lagged, turned, omega, z, parameters, spread, i % 2)
+    return mean / substeps
 
 
 @njit(**OPTIONS)
@@ -142,6 +170,34 @@ def remembered(rate_address, x0, v0, x1, v1, lagged, angle, omega, z, parameters
         slope = (call_force(rate_address, x, v, lagged, angle, omega, z + probe, parameters) - rate) / probe
         z += h * rate / (1.0 - 0.5 * h * min(slope, 0.0))
     return z
+
+
+@njit(**OPTIONS)
+def known_over_step(observer, known, x0, v0, x1, v1, lagged0, lagged1, angle, memory, when, reached):
+    """Known forces over a step at its two ends, for a sensor that feels the force at its end alone.
+
+    `reached` is filled with their memory at the end.
+    """
+    omega, turn, step, spread = observer.omega, observer.turn, observer.step_s, observer.spread
+    begins = ends = 0.0
+    for j in range(known.forces.size):
+        address, substeps = known.forces[j], known.substeps[j]
+        p = known.parameters.ctypes.data + 8 * known.columns[j]
+        z = memory[j]
+        if known.rates[j] != 0:
+            z = remembered(known.rates[j], x0, v0, x1, v1, lagged1, angle, omega, z, p, step)
+        reached[j] = z
+        if observer.feed != 0.0:
+            there = spread[SEEN if when == AFTER else AHEAD]
+            ends += at_sample(address, substeps, x1, v1, lagged1, angle + turn, turn, omega, z, p, there, step)
+        else:
+            begin, end = over_step(
+                address, substeps, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, memory[j], z, p, spread, when,
+                step,
+            )  # fmt: skip
+            begins += begin
+            ends += end
+    return begins, ends
 
 
 @njit(cache=True, nogil=True)
@@ -169,36 +225,40 @@ def observe(observer, known, y, missing, settled, errors, motion):
     state = np.zeros(order)
     ahead = np.zeros(order)
     count = known.forces.size
-    memory = np.zeros(count)
-    late = 0.0  # force predicted at this sample
+    memory, reached = np.zeros(count), np.zeros(count)
+    early = late = 0.0  # known forces predicted for the two ends of the step to this sample
     feels = observer.feed != 0.0
-    omega, turn, step = observer.omega, observer.turn, observer.step_s
+    x = v = lagged = 0.0
     for k in range(y.size):
         predicted = observer.feed * late
         for i in range(order):
             predicted += observer.output[i] * state[i]
         e = 0.0 if missing[k] else y[k] - predicted
         errors[k] = e
-        angle = turn * k
+        angle = observer.turn * k
+        # Once the sample is seen the forces on the way to it are known better than they were predicted.
+        x_before, v_before, lagged_before = x + observer.back[0] * e, v + observer.back[1] * e, lagged
         lagged = delayed(motion.x[0], k, observer.delay)
         x = v = 0.0
         for i in range(order):
             x += observer.tool[0, i] * (state[i] + observer.gain[i] * e)
             v += observer.tool[1, i] * (state[i] + observer.gain[i] * e)
-        early = 0.0
-        if feels and settled[k]:
+        if count and k > 0 and settled[k] and settled[k - 1]:
+            begins, ends = known_over_step(
+                observer, known, x_before, v_before, x, v, lagged_before, lagged, angle - observer.turn, memory, AFTER,
+                reached,
+            )  # fmt: skip
             for j in range(count):
-                p = known.parameters.ctypes.data + 8 * known.columns[j]
-                early += at_sample(
-                    known.forces[j], known.substeps[j], x, v, lagged, angle, turn, omega, memory[j], p,
-                    observer.spread, step,
-                )  # fmt: skip
-            if k > 0 and settled[k - 1]:
-                news = early - late
-                e -= 0.0 if missing[k] else observer.feed * news
+                memory[j] = reached[j]
+            if not missing[k]:
+                e -= observer.feed * (ends - late)
                 for i in range(order):
-                    state[i] += observer.end[i] * news
-                    e -= 0.0 if missing[k] else observer.output[i] * observer.end[i] * news
+                    news = observer.end[i] * (ends - late)
+                    if not feels:
+                        news += observer.begin[i] * (begins - early)
+                    state[i] += news
+                    e -= observer.output[i] * news
+            late = ends
         x = v = 0.0
         for i in range(order):
             state[i] += observer.gain[i] * e
@@ -216,43 +276,23 @@ def observe(observer, known, y, missing, settled, errors, motion):
         lagged_next = delayed(motion.x[0], k + 1, observer.delay)
         if not settled[k]:
             late = 0.0
-        elif not feels:
-            early = late
-        for attempt in range(2 if count and settled[k] else 0):
+        early = late
+        xp = vp = 0.0
+        for attempt in range(3 if count and settled[k] else 1):
+            if attempt > 0:
+                begins, late = known_over_step(
+                    observer, known, x, v, xp, vp, lagged, lagged_next, angle, memory, BEFORE, reached
+                )
+                early = early if feels else begins
             xp = vp = 0.0
             for i in range(order):
-                reached = ahead[i] + observer.begin[i] * early + observer.end[i] * late
-                xp += observer.tool[0, i] * reached
-                vp += observer.tool[1, i] * reached
-            late = 0.0
-            if not feels:
-                early = 0.0
-            for j in range(count):
-                p = known.parameters.ctypes.data + 8 * known.columns[j]
-                z = memory[j]
-                if known.rates[j] != 0:
-                    z = remembered(known.rates[j], x, v, xp, vp, lagged_next, angle, omega, z, p, step)
-                if feels:
-                    late += at_sample(
-                        known.forces[j], known.substeps[j], xp, vp, lagged_next, angle + turn, turn, omega, z, p,
-                        observer.spread, step,
-                    )  # fmt: skip
-                else:
-                    begin, end = over_step(
-                        known.forces[j], known.substeps[j], x, v, xp, vp, lagged, lagged_next, angle, turn, omega,
-                        memory[j], z, p, observer.spread, step,
-                    )  # fmt: skip
-                    early += begin
-                    late += end
-                if attempt == 1:
-                    memory[j] = z
-        x = v = 0.0
+                reaching = ahead[i] + observer.begin[i] * early + observer.end[i] * late
+                xp += observer.tool[0, i] * reaching
+                vp += observer.tool[1, i] * reaching
         for i in range(order):
             state[i] = ahead[i] + observer.begin[i] * early + observer.end[i] * late
-            x += observer.tool[0, i] * state[i]
-            v += observer.tool[1, i] * state[i]
-        motion.x[1, k] = x
-        motion.v[1, k] = v
+        motion.x[1, k] = xp
+        motion.v[1, k] = vp
         motion.lagged[1, k] = lagged_next
 
 
@@ -291,11 +331,13 @@ def force_along(observer, motion, settled, address, rate_address, substeps, para
         if rate_address != 0:
             ahead = remembered(rate_address, x, v, xp, vp, lp, angle, omega, z, p, step)
         if observer.feed != 0.0:
-            force[0, k] = at_sample(address, substeps, x, v, lagged, angle, turn, omega, z, p, spread, step)
-            force[1, k] = at_sample(address, substeps, xp, vp, lp, angle + turn, turn, omega, ahead, p, spread, step)
+            force[0, k] = at_sample(address, substeps, x, v, lagged, angle, turn, omega, z, p, spread[SEEN], step)
+            force[1, k] = at_sample(
+                address, substeps, xp, vp, lp, angle + turn, turn, omega, ahead, p, spread[AHEAD], step
+            )
         else:
             force[0, k], force[1, k] = over_step(
-                address, substeps, x, v, xp, vp, lagged, lp, angle, turn, omega, z, ahead, p, spread, step
+                address, substeps, x, v, xp, vp, lagged, lp, angle, turn, omega, z, ahead, p, spread, BEFORE, step
             )
         if rate_address != 0 and k + 1 < force.shape[1]:
             xn, vn, ln = motion.x[0, k + 1], motion.v[0, k + 1], motion.lagged[0, k + 1]
