@@ -16,6 +16,14 @@ if TYPE_CHECKING:
 CONFIG = click.option(
     "--config", "configs", type=click.Path(path_type=Path), multiple=True, help="Machine configuration; later ones win."
 )
+CHANNEL = click.option("--channel", type=click.IntRange(min=0), default=0, show_default=True, help="Counted from 0.")
+BETWEEN = click.option(
+    "--between", "between_s", type=(float, float), metavar="BEGIN END", help="Stretch to look at, in seconds."
+)
+JOBS = click.option(
+    "--jobs", type=click.IntRange(min=1), help="Processes for an archive; one per processor by default."
+)
+SCHEDULER = click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster that is to do an archive instead.")
 JSON = click.option("--json", "as_json", is_flag=True, help="Print for machines instead of people.")
 ALLOWED = "allowed"  # subdirectory of the certificates' directory
 DEBUG = click.option("--debug", is_flag=True, expose_value=False, help="Show where an error comes from.")
@@ -48,8 +56,8 @@ def cli() -> None:
 )
 @click.option("--record", type=click.Path(path_type=Path), help="Record events in a directory, as the daemon would.")
 @click.option("--out", type=click.Path(path_type=Path), help="An archive's results: a data set of Parquet tables.")
-@click.option("--jobs", type=click.IntRange(min=1), help="Processes for an archive; one per processor by default.")
-@click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster that is to do an archive instead.")
+@JOBS
+@SCHEDULER
 @JSON
 @DEBUG
 @click.pass_context
@@ -241,10 +249,8 @@ def simulate(
     help="What the recording measures; by default what [input] sensor of --config says (a microphone counts as "
     "velocity, which its pressure follows close to the tool), else displacement, as in the paper.",
 )
-@click.option("--channel", type=click.IntRange(min=0), default=0, show_default=True, help="Counted from 0.")
-@click.option(
-    "--between", "between_s", type=(float, float), metavar="BEGIN END", help="Stretch to look at, in seconds."
-)
+@CHANNEL
+@BETWEEN
 @click.option("--band", "band_hz", type=(float, float), metavar="LOW HIGH", help="Band to look at, in Hz.")
 @CONFIG
 @JSON
@@ -285,10 +291,8 @@ def identify(
 @click.argument("files", nargs=-1, required=True, metavar="RECORDING...")
 @click.option("--model", type=click.Path(path_type=Path), required=True, help="Model file that is to explain it.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Directory for report and model.")
-@click.option("--channel", type=click.IntRange(min=0), default=0, show_default=True, help="Counted from 0.")
-@click.option(
-    "--between", "between_s", type=(float, float), metavar="BEGIN END", help="Stretch to look at, in seconds."
-)
+@CHANNEL
+@BETWEEN
 @click.option(
     "--input",
     "driven_by",
@@ -299,8 +303,8 @@ def identify(
 @click.option(
     "--input-channel", type=click.IntRange(min=0), default=0, show_default=True, help="Its channel, counted from 0."
 )
-@click.option("--jobs", type=click.IntRange(min=1), help="Processes for an archive; one per processor by default.")
-@click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster that is to do an archive instead.")
+@JOBS
+@SCHEDULER
 @JSON
 @DEBUG
 @click.pass_context
