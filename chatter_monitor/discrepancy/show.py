@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -18,6 +18,8 @@ from chatter_monitor.discrepancy.basis import REACH, scales, surface_at
 from chatter_monitor.discrepancy.conclude import Diagnosis
 from chatter_monitor.discrepancy.locate import frequency_map, lag_map
 from chatter_monitor.discrepancy.report import FreeRun, Report
+from chatter_monitor.discrepancy.show_energy import draw_damping, draw_frequency, draw_stiffness, identified
+from chatter_monitor.energy.identification import Identification
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.simulate import simulate
@@ -33,6 +35,7 @@ SEED = 1
 PIXELS = 400  # of the width of an axis, about
 AMPLITUDE_CLASSES = 12
 RECORDED, BASE, AUGMENTED = "#4a6fa5", "#9a9a9a", "#b0303a"
+COLOURS = {"recording": RECORDED, "base": BASE, "augmented": AUGMENTED}
 _STYLE = """body{font:16px/1.5 sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#222}
 .verdict{padding:.8rem 1rem;border-left:.4rem solid #b0303a;background:#f6f1ee;font-size:1.15rem}
 table{border-collapse:collapse;margin:1rem 0;display:block;overflow-x:auto}
@@ -57,6 +60,8 @@ def page(diagnosis: Diagnosis, name: str) -> tuple[str, Report]:
     if report.fit.held_out_s:
         pictures = [("Where they differ", _maps(diagnosis))]
         pictures.append(("Recording and simulations", _comparison(diagnosis, runs)))
+        found = identified(runs, diagnosis.case.whole.rate_hz, diagnosis.base.sensor.quantity)
+        pictures += [("Stiffness and damping by energy", _by_energy(found))] if found else []
     return document(report, name, pictures), report
 
 
@@ -290,7 +295,8 @@ def _comparison(diagnosis: Diagnosis, runs: dict[str, Vector]) -> str:
     figure, (left, middle, right) = figure_of(1)
     rate = diagnosis.case.whole.rate_hz
     top = 0.5 * diagnosis.case.recorded.rate_hz
-    for (name, run), color in zip(runs.items(), (RECORDED, BASE, AUGMENTED), strict=False):
+    for name, run in runs.items():
+        color = COLOURS[name]
         f, density = dsp.welch(run, rate, nperseg=4096)
         left.plot(f[f < top], 10.0 * np.log10(density[f < top]), color=color, lw=0.9, label=name)
         amplitude = np.abs(dsp.hilbert(run[: 1 << int(np.log2(run.size))])) / np.std(run)
@@ -299,6 +305,21 @@ def _comparison(diagnosis: Diagnosis, runs: dict[str, Vector]) -> str:
     left.set(xlabel="Hz", ylabel="dB", title="spectrum")
     middle.set(xlabel="amplitude / rms", title="amplitudes", yscale="log", ylim=(1e-4, None))
     right.set(xlabel="amplitude / rms", ylabel="Hz", title="frequency of the first mode")
+    left.legend(fontsize="small")
+    return encoded(figure)
+
+
+def _by_energy(found: Mapping[str, Identification]) -> str:
+    """Stiffness, frequency and damping of the strongest mode, each identified from one of the runs alone."""
+    figure, (left, middle, right) = figure_of(1)
+    for name, result in found.items():
+        color = COLOURS[name]
+        draw_stiffness(left, result, color, name)
+        draw_frequency(middle, result, color)
+        draw_damping(right, result, color)
+    left.set(xlabel="x / rms", ylabel="%", title="stiffness, of that at rest")
+    middle.set(xlabel="energy / mean", ylabel="Hz", title="frequency")
+    right.set(xlabel="energy / mean", ylabel="%", title="equivalent damping ratio", ylim=(0.0, None))
     left.legend(fontsize="small")
     return encoded(figure)
 

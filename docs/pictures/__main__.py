@@ -97,15 +97,16 @@ def real_turning(folder: Path, out: Path) -> None:
 
 
 def play_in_a_joint(folder: Path, out: Path) -> None:
-    """Take both pictures out of the report of the worked example of docs/diagnose.md."""
+    """Take the pictures out of the report of the worked example of docs/diagnose.md."""
     folder.mkdir()
     (folder / "machine.toml").write_text(ROUND + PLAY)
     (folder / "model.toml").write_text(ROUND)
     simulate_to_file(folder / "machine.toml", 20.0, 11, folder / "cut.wav", 12_800)
     diagnose_file(folder / "cut.wav", folder / "model.toml", folder / "diagnosis")
-    maps, comparison = embedded(folder / "diagnosis" / "report.html")
+    maps, comparison, energy = embedded(folder / "diagnosis" / "report.html")
     (out / "diagnose_differ.png").write_bytes(maps)
     (out / "diagnose_same.png").write_bytes(comparison)
+    (out / "diagnose_energy.png").write_bytes(energy)
 
 
 def embedded(report: Path) -> list[bytes]:
