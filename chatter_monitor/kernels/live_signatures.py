@@ -1,7 +1,8 @@
 """The observer of `kernels.signatures`, some samples at a time, with the forces of many terms along the way.
 
 What a recording as a whole allows is left out here: the state is taken for known (no cubature about it), and the
-memory of a term makes one step where it makes several there.
+memory of a term makes one step where it makes several there. A few samples at a time go through stages, each of which
+is a loop over long rows: the motion, where on it forces are evaluated, each force, and all signatures side by side.
 """
 
 from typing import NamedTuple
@@ -11,10 +12,11 @@ from numba import njit
 
 from chatter_monitor.kernels.forces import call_force
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.signatures import SMOOTH, delayed, filtered, respond
+from chatter_monitor.kernels.signatures import SMOOTH, Motion, delayed
 
 NODES = 4  # per step, at which forces that jump are evaluated
-FEW = 64  # samples whose columns are filtered side by side
+FEW = 64  # samples that go through a stage together
+LANES = 16  # columns that go side by side
 _ITERATIONS = 2  # of the predicted step with the forces that the observer knows
 _GAUSS = 0.5 / np.sqrt(3.0)
 
@@ -25,21 +27,71 @@ class Path(NamedTuple):
     state: np.ndarray  # (n,) predicted for the next sample
     ahead: np.ndarray  # (n,) scratch
     late: np.ndarray  # (1,) known force predicted for the next sample
-    motion: np.ndarray  # (2,) displacement and velocity at the last sample
+    last: np.ndarray  # (2,) displacement and velocity at the last sample
     known_memory: np.ndarray  # (m,)
     memory: np.ndarray  # (c,)
     past: np.ndarray  # (p,) displacements: FEW samples, and before them those of the longest delay
-    nodes: np.ndarray  # (2, 4, NODES) scratch, for forces that do not jump and those that do: x, v, lagged, angle
+
+
+class Along(NamedTuple):
+    """Scratch: the motion over FEW samples, and forces along it."""
+
+    errors: np.ndarray  # (FEW,)
+    motion: Motion
+    nodes: np.ndarray  # (2, 2, NODES, 4, FEW): as `place` fills each
+    memory: np.ndarray  # (2, FEW) of a term, at the sample and as predicted for the next
+    force: np.ndarray  # (2, FEW)
+
+
+class Response(NamedTuple):
+    """How the error d of the predicted state, n numbers, answers to a force; eliminated from `Observer`.
+
+    With phi(k) the force at sample k once that is known, and p(k) as it was predicted (over the step before, for a
+    sensor that does not feel it),
+
+        s(k)   = H d(k) + D p(k)
+        d(k+1) = M d(k) + a phi(k) + b p(k+1) + c p(k)
+    """
+
+    closed: np.ndarray  # (n, n) M
+    known: np.ndarray  # (n,) a
+    ahead: np.ndarray  # (n,) b
+    before: np.ndarray  # (n,) c
+    output: np.ndarray  # (n,) H
+    feed: np.ndarray  # (1,) D
+    taps: np.ndarray  # (t,) of the filter that whitens s
 
 
 class Answers(NamedTuple):
-    """What the signatures carry from one sample to the next: none for the errors, then 3 + c, side by side."""
+    """Rows of `lanes` columns, one after the other: none for the errors, then 3 + c forces and their signatures.
 
-    state: np.ndarray  # (2, n, 4 + c) error of the predicted state
-    ended: np.ndarray  # (4 + c,) force predicted for the next sample
-    news: np.ndarray  # (4 + c,) scratch
-    seen: np.ndarray  # (4 + c,) scratch
-    errors: np.ndarray  # (FEW,) scratch
+    What went before comes first.
+    """
+
+    begins: np.ndarray  # (FEW rows,) phi(k)
+    ends: np.ndarray  # (1 + FEW rows,) p(k+1)
+    states: np.ndarray  # (n, 1 + FEW rows) d(k)
+    raw: np.ndarray  # (t - 1 + FEW rows,) s(k), the errors in their place
+
+
+def new_path(observer, known, tried):
+    """Path from rest."""
+    order, past = observer.gain.size, int(np.ceil(observer.delay)) + 3 + FEW
+    sizes = order, order, 1, 2, known.forces.size, tried.forces.size, past
+    return Path(*(np.zeros(size) for size in sizes))
+
+
+def new_along():
+    """Scratch."""
+    motion = Motion(*(np.zeros((2, FEW)) for _ in range(3)))
+    return Along(np.zeros(FEW), motion, np.zeros((2, 2, NODES, 4, FEW)), np.zeros((2, FEW)), np.zeros((2, FEW)))
+
+
+def new_answers(response, lanes):
+    """No signatures yet."""
+    few = FEW * lanes
+    raw = np.zeros((response.taps.size - 1) * lanes + few)
+    return Answers(np.zeros(few), np.zeros(lanes + few), np.zeros((response.output.size, lanes + few)), raw)
 
 
 @njit(**OPTIONS)
@@ -49,42 +101,31 @@ def position(substeps, i):
 
 
 @njit(**OPTIONS)
-def along_step(nodes, x0, v0, x1, v1, lagged0, lagged1, angle, turn, step_s):
-    """Nodes of a step from one sample to the next, over which the tool moves along a cubic."""
-    for kind in range(2):
-        substeps, row = (SMOOTH, nodes[0]) if kind == 0 else (NODES, nodes[1])
-        for i in range(substeps):
-            s = position(substeps, i)
-            r = 1.0 - s
-            row[0, i] = r * r * (1.0 + 2.0 * s) * x0 + s * s * (1.0 + 2.0 * r) * x1 + step_s * s * r * (r * v0 - s * v1)
-            row[1, i] = 6.0 * s * r * (x1 - x0) / step_s + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
-            row[2, i] = r * lagged0 + s * lagged1
-            row[3, i] = angle + s * turn
+def on_step(s, x0, v0, x1, v1, step_s):
+    """Displacement and velocity on a step over which the tool moves along a cubic."""
+    r = 1.0 - s
+    x = r * r * (1.0 + 2.0 * s) * x0 + s * s * (1.0 + 2.0 * r) * x1 + step_s * s * r * (r * v0 - s * v1)
+    v = 6.0 * s * r * (x1 - x0) / step_s + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
+    return x, v
 
 
 @njit(**OPTIONS)
-def about_sample(nodes, x, v, lagged, angle, turn, omega, step_s):
-    """Nodes from half a step before a sample to half a step after."""
-    for kind in range(2):
-        substeps, row = (SMOOTH, nodes[0]) if kind == 0 else (NODES, nodes[1])
-        for i in range(substeps):
-            s = position(substeps, i) - 0.5
-            row[0, i] = x + s * step_s * v
-            row[1, i] = v - s * step_s * omega * omega * x
-            row[2, i] = lagged
-            row[3, i] = angle + turn * s
+def about(s, x, v, omega, step_s):
+    """Displacement and velocity from half a step before a sample to half a step after."""
+    t = (s - 0.5) * step_s
+    return x + t * v, v - t * omega * omega * x
 
 
 @njit(**OPTIONS)
-def as_line(term, j, nodes, omega, z0, z1):
-    """Force of a term over a step as the straight line of the same mean and first moment: its values at the ends."""
+def over_step(term, j, x0, v0, x1, v1, lagged0, lagged1, angle, observer, z0, z1):
+    """Force over a step as the straight line of the same mean and first moment: its values at the ends."""
     substeps, p = term.substeps[j], term.parameters.ctypes.data + 8 * term.columns[j]
-    row = nodes[0] if substeps == SMOOTH else nodes[1]
     mean = slope = square = 0.0
     for i in range(substeps):
         s = position(substeps, i)
-        z = (1.0 - s) * z0 + s * z1
-        force = call_force(term.forces[j], row[0, i], row[1, i], row[2, i], row[3, i], omega, z, p)
+        x, v = on_step(s, x0, v0, x1, v1, observer.step_s)
+        lagged, z = (1.0 - s) * lagged0 + s * lagged1, (1.0 - s) * z0 + s * z1
+        force = call_force(term.forces[j], x, v, lagged, angle + s * observer.turn, observer.omega, z, p)
         mean += force
         slope += force * (s - 0.5)
         square += (s - 0.5) * (s - 0.5)
@@ -94,13 +135,14 @@ def as_line(term, j, nodes, omega, z0, z1):
 
 
 @njit(**OPTIONS)
-def as_mean(term, j, nodes, omega, z):
-    """Mean force of a term over the nodes."""
+def at_sample(term, j, x0, v0, lagged, angle, observer, z):
+    """Mean force about a sample, for a sensor that feels it."""
     substeps, p = term.substeps[j], term.parameters.ctypes.data + 8 * term.columns[j]
-    row = nodes[0] if substeps == SMOOTH else nodes[1]
     mean = 0.0
     for i in range(substeps):
-        mean += call_force(term.forces[j], row[0, i], row[1, i], row[2, i], row[3, i], omega, z, p)
+        s = position(substeps, i)
+        x, v = about(s, x0, v0, observer.omega, observer.step_s)
+        mean += call_force(term.forces[j], x, v, lagged, angle + (s - 0.5) * observer.turn, observer.omega, z, p)
     return mean / substeps
 
 
@@ -118,54 +160,50 @@ def remembered(term, j, x0, v0, x1, v1, lagged, angle, omega, z, step_s):
 
 
 @njit(**OPTIONS)
-def advance(observer, known, tried, y, missing, first, carried, errors, begins, ends):
-    """Predict samples from those before, and evaluate forces on the way.
+def predict(observer, known, y, missing, first, path, errors, motion):
+    """Predict FEW samples, each from those before.
 
     Parameters
     ----------
     observer : Observer
-    known, tried : Forces
-        Forces of the model, and those whose signatures are wanted.
-    y : ndarray of float64, shape (n,)
-    missing : ndarray of bool, shape (n,)
+    known : Forces
+        Forces of the model.
+    y : ndarray of float64, shape (FEW,)
+    missing : ndarray of bool, shape (FEW,)
         Samples that are not to be used; their errors are 0.
     first : int
         Samples since the spindle's angle was 0.
-    carried : Path
+    path : Path
         Carried on.
-    errors : ndarray of float64, shape (n,)
+    errors : ndarray of float64, shape (FEW,)
         Filled with the prediction errors.
-    begins, ends : ndarray of float64, shape (n, 4 + c)
-        Filled with 0 (the errors' place), unit spring, unit damper, 1, and the forces tried: as straight lines over the
-        step that follows each sample; for a sensor that feels the force, at the sample as known, and at the next one
-        as predicted.
+    motion : Motion
+        Filled.
     """
-    order = observer.gain.size
-    state, ahead, nodes = carried.state, carried.ahead, carried.nodes
+    order, count, size = observer.gain.size, known.forces.size, path.past.size
+    state, ahead = path.state, path.ahead
     feels = observer.feed != 0.0
     omega, turn, step = observer.omega, observer.turn, observer.step_s
-    size, count = carried.past.size, known.forces.size
-    for i in range(size - y.size):
-        carried.past[i] = carried.past[i + y.size]
-    for k in range(y.size):
-        at = size - y.size + k
-        late = carried.late[0]
+    for i in range(size - FEW):
+        path.past[i] = path.past[i + FEW]
+    for k in range(FEW):
+        at = size - FEW + k
+        late = path.late[0]
         predicted = observer.feed * late
         for i in range(order):
             predicted += observer.output[i] * state[i]
         e = 0.0 if missing[k] else y[k] - predicted
         errors[k] = e
         angle = turn * (first + k)
-        lagged, lagged_next = delayed(carried.past, at, observer.delay), delayed(carried.past, at + 1, observer.delay)
-        x = v = 0.0
-        for i in range(order):
-            x += observer.tool[0, i] * (state[i] + observer.gain[i] * e)
-            v += observer.tool[1, i] * (state[i] + observer.gain[i] * e)
+        lagged, lagged_next = delayed(path.past, at, observer.delay), delayed(path.past, at + 1, observer.delay)
         early = 0.0
         if feels and count:
-            about_sample(nodes, x, v, lagged, angle, turn, omega, step)
+            x = v = 0.0
+            for i in range(order):
+                x += observer.tool[0, i] * (state[i] + observer.gain[i] * e)
+                v += observer.tool[1, i] * (state[i] + observer.gain[i] * e)
             for j in range(count):
-                early += as_mean(known, j, nodes, omega, carried.known_memory[j])
+                early += at_sample(known, j, x, v, lagged, angle, observer, path.known_memory[j])
             news = early - late
             e -= 0.0 if missing[k] else observer.feed * news
             for i in range(order):
@@ -176,12 +214,7 @@ def advance(observer, known, tried, y, missing, first, carried, errors, begins, 
             state[i] += observer.gain[i] * e
             x += observer.tool[0, i] * state[i]
             v += observer.tool[1, i] * state[i]
-        carried.past[at] = x
-        x0, v0 = carried.motion[0], carried.motion[1]
-        for j in range(tried.forces.size):
-            z = carried.memory[j]
-            carried.memory[j] = remembered(tried, j, x0, v0, x, v, lagged, angle, omega, z, step)
-        carried.motion[0], carried.motion[1] = x, v
+        path.past[at] = x
         for i in range(order):
             total = 0.0
             for j in range(order):
@@ -190,81 +223,239 @@ def advance(observer, known, tried, y, missing, first, carried, errors, begins, 
         # The force on the way to the next sample, from where the tool would go with the force as it was.
         if not feels:
             early = late
-        xp = vp = 0.0
-        for attempt in range(_ITERATIONS if count else 1):
+        for attempt in range(_ITERATIONS if count else 0):
             xp = vp = 0.0
             for i in range(order):
                 reached = ahead[i] + observer.begin[i] * early + observer.end[i] * late
                 xp += observer.tool[0, i] * reached
                 vp += observer.tool[1, i] * reached
-            if feels:
-                about_sample(nodes, xp, vp, lagged_next, angle + turn, turn, omega, step)
-            else:
-                along_step(nodes, x, v, xp, vp, lagged, lagged_next, angle, turn, step)
-            if count:
-                late = 0.0
-                early = early if feels else 0.0
+            late = 0.0
+            early = early if feels else 0.0
             for j in range(count):
-                z = carried.known_memory[j]
+                z = path.known_memory[j]
                 ended = remembered(known, j, x, v, xp, vp, lagged_next, angle, omega, z, step)
                 if feels:
-                    late += as_mean(known, j, nodes, omega, ended)
+                    late += at_sample(known, j, xp, vp, lagged_next, angle + turn, observer, ended)
                 else:
-                    begin, end = as_line(known, j, nodes, omega, z, ended)
+                    begin, end = over_step(known, j, x, v, xp, vp, lagged, lagged_next, angle, observer, z, ended)
                     early += begin
                     late += end
                 if attempt == _ITERATIONS - 1:
-                    carried.known_memory[j] = ended
-        carried.late[0] = late
+                    path.known_memory[j] = ended
+        path.late[0] = late
+        xp = vp = 0.0
         for i in range(order):
             state[i] = ahead[i] + observer.begin[i] * early + observer.end[i] * late
-        begins[k, 0], begins[k, 1], begins[k, 2], begins[k, 3] = 0.0, x, v, 1.0
-        ends[k, 0], ends[k, 1], ends[k, 2], ends[k, 3] = 0.0, xp, vp, 1.0
-        for j in range(tried.forces.size):
-            z = carried.memory[j]
-            ended = remembered(tried, j, x, v, xp, vp, lagged_next, angle, omega, z, step)
-            if feels:
-                ends[k, 4 + j] = as_mean(tried, j, nodes, omega, ended)
+            xp += observer.tool[0, i] * state[i]
+            vp += observer.tool[1, i] * state[i]
+        motion.x[0, k], motion.v[0, k], motion.lagged[0, k] = x, v, lagged
+        motion.x[1, k], motion.v[1, k], motion.lagged[1, k] = xp, vp, lagged_next
+
+
+@njit(**OPTIONS)
+def place(observer, motion, first, row, nodes):
+    """Nodes of FEW steps, or for a sensor that feels the force about FEW samples: as known (row 0) or predicted (1)."""
+    omega, turn, step = observer.omega, observer.turn, observer.step_s
+    x0, v0, lagged0 = motion.x[0], motion.v[0], motion.lagged[0]
+    x1, v1, lagged1 = motion.x[1], motion.v[1], motion.lagged[1]
+    for kind in range(2):
+        substeps = SMOOTH if kind == 0 else NODES
+        for i in range(substeps):
+            s = position(substeps, i)
+            node = nodes[kind, i]
+            x, v, lagged, angle = node[0], node[1], node[2], node[3]
+            if observer.feed != 0.0:
+                for k in range(FEW):
+                    x[k], v[k] = about(s, motion.x[row, k], motion.v[row, k], omega, step)
+                    lagged[k] = motion.lagged[row, k]
+                    angle[k] = (first + k + row + s - 0.5) * turn
             else:
-                begins[k, 4 + j], ends[k, 4 + j] = as_line(tried, j, nodes, omega, z, ended)
+                for k in range(FEW):
+                    x[k], v[k] = on_step(s, x0[k], v0[k], x1[k], v1[k], step)
+                    lagged[k] = (1.0 - s) * lagged0[k] + s * lagged1[k]
+                    angle[k] = (first + k + s) * turn
+
+
+@njit(**OPTIONS)
+def remember(observer, term, j, motion, first, path, memory):
+    """Memory of a term at FEW samples, and as predicted for the sample after each."""
+    omega, step = observer.omega, observer.step_s
+    if term.rates[j] == 0:
+        for k in range(FEW):
+            memory[0, k] = memory[1, k] = 0.0
+        return
+    x, v, z = path.last[0], path.last[1], path.memory[j]
+    for k in range(FEW):
+        x0, v0, x1, v1 = motion.x[0, k], motion.v[0, k], motion.x[1, k], motion.v[1, k]
+        lagged, lagged_next = motion.lagged[0, k], motion.lagged[1, k]
+        angle = observer.turn * (first + k)
+        z = remembered(term, j, x, v, x0, v0, lagged, angle, omega, z, step)
+        memory[0, k] = z
+        memory[1, k] = remembered(term, j, x0, v0, x1, v1, lagged_next, angle, omega, z, step)
+        x, v = x0, v0
+    path.memory[j] = z
+
+
+@njit(**OPTIONS)
+def lines(term, j, nodes, memory, omega, force):
+    """Force of a term over FEW steps, each as the straight line of the same mean and first moment."""
+    substeps, address = term.substeps[j], term.forces[j]
+    p = term.parameters.ctypes.data + 8 * term.columns[j]
+    mean, slope = force[0], force[1]
+    square = 0.0
+    for k in range(FEW):
+        mean[k] = slope[k] = 0.0
+    for i in range(substeps):
+        s = position(substeps, i)
+        square += (s - 0.5) * (s - 0.5)
+        node = nodes[0 if substeps == SMOOTH else 1, i]
+        x, v, lagged, angle = node[0], node[1], node[2], node[3]
+        for k in range(FEW):
+            z = (1.0 - s) * memory[0, k] + s * memory[1, k]
+            here = call_force(address, x[k], v[k], lagged[k], angle[k], omega, z, p)
+            mean[k] += here
+            slope[k] += (s - 0.5) * here
+    for k in range(FEW):
+        middle, half = mean[k] / substeps, 0.5 * slope[k] / square
+        mean[k] = middle - half
+        slope[k] = middle + half
+
+
+@njit(**OPTIONS)
+def means(term, j, nodes, memory, omega, force):
+    """Mean force of a term about FEW samples."""
+    substeps, address = term.substeps[j], term.forces[j]
+    p = term.parameters.ctypes.data + 8 * term.columns[j]
+    for k in range(FEW):
+        force[k] = 0.0
+    for i in range(substeps):
+        node = nodes[0 if substeps == SMOOTH else 1, i]
+        x, v, lagged, angle = node[0], node[1], node[2], node[3]
+        for k in range(FEW):
+            force[k] += call_force(address, x[k], v[k], lagged[k], angle[k], omega, memory[k], p) / substeps
+
+
+@njit(**OPTIONS)
+def put(row, lanes, column, values):
+    """Put values into a column of rows that lie one after the other."""
+    for k in range(FEW):
+        row[k * lanes + column] = values[k]
+
+
+@njit(**OPTIONS)
+def forces_of(observer, tried, first, lanes, path, along, begins, ends):
+    """Unit spring, unit damper, 1, and the forces tried, along FEW samples: into columns 1, 2, 3, ...
+
+    As straight lines over the step that follows each sample; for a sensor that feels the force, at the sample as known,
+    and at the next one as predicted.
+    """
+    motion, count = along.motion, tried.forces.size
+    for j in range(2):
+        put(begins if j == 0 else ends, lanes, 1, motion.x[j])
+        put(begins if j == 0 else ends, lanes, 2, motion.v[j])
+    along.force[0, :] = 1.0
+    put(begins, lanes, 3, along.force[0])
+    put(ends, lanes, 3, along.force[0])
+    feels = observer.feed != 0.0
+    for row in range(2 if feels else 1):
+        place(observer, motion, first, row, along.nodes[row])
+    for j in range(count):
+        remember(observer, tried, j, motion, first, path, along.memory)
         if feels:
-            about_sample(nodes, x, v, lagged, angle, turn, omega, step)
-            for j in range(tried.forces.size):
-                begins[k, 4 + j] = as_mean(tried, j, nodes, omega, carried.memory[j])
+            for row in range(2):
+                means(tried, j, along.nodes[row], along.memory[row], observer.omega, along.force[row])
+        else:
+            lines(tried, j, along.nodes[0], along.memory, observer.omega, along.force)
+        put(begins, lanes, 4 + j, along.force[0])
+        put(ends, lanes, 4 + j, along.force[1])
+    path.last[0], path.last[1] = motion.x[0, FEW - 1], motion.v[0, FEW - 1]
+
+
+@njit(**OPTIONS)
+def add(row, factor, other):
+    """Add a multiple of the beginning of another row."""
+    for c in range(row.size):
+        row[c] += factor * other[c]
+
+
+@njit(**OPTIONS)
+def carry(rows, few):
+    """Begin with the last of `rows` but the first `few` values, which are what is new each time."""
+    for i in range(rows.size - few):
+        rows[i] = rows[few + i]
+
+
+@njit(**OPTIONS)
+def respond(response, lanes, answers):
+    """Signatures of the forces in `answers` over FEW samples; see `Response`."""
+    r, few, order = response, FEW * lanes, response.output.size
+    states, begins, ahead, before = answers.states, answers.begins, answers.ends[lanes:], answers.ends
+    for i in range(order):
+        row, a, b, c = states[i, lanes:], r.known[i], r.ahead[i], r.before[i]
+        for k in range(few):
+            row[k] = a * begins[k] + b * ahead[k] + c * before[k]
+    for at in range(0, few, lanes):
+        now = slice(at, at + lanes)
+        for i in range(order):
+            row = states[i, at + lanes : at + 2 * lanes]
+            for j in range(order):
+                add(row, r.closed[i, j], states[j, now])
+    signature = answers.raw[answers.raw.size - few :]
+    for k in range(few):
+        signature[k] = r.feed[0] * before[k]
+    for i in range(order):
+        add(signature, r.output[i], states[i])
+
+
+@njit(**OPTIONS)
+def whiten(taps, lanes, raw, white):
+    """Filter of finite length along rows, four taps at a time: sums are fetched and put back a quarter as often."""
+    size, last = white.size, (taps.size - 1) * lanes
+    now = raw[last:]
+    for i in range(size):
+        white[i] = taps[0] * now[i]
+    for lag in range(1, taps.size, 4):
+        t0, t1, t2, t3 = taps[lag], taps[lag + 1], taps[lag + 2], taps[lag + 3]
+        at = last - lag * lanes
+        r0, r1, r2, r3 = raw[at:], raw[at - lanes :], raw[at - 2 * lanes :], raw[at - 3 * lanes :]
+        for i in range(size):
+            white[i] += t0 * r0[i] + t1 * r1[i] + t2 * r2[i] + t3 * r3[i]
 
 
 @njit(cache=True, nogil=True)
-def watch(observer, known, tried, y, missing, first, starts, carried, answers, forces, taps, raw, white):
+def watch(observer, known, tried, response, y, missing, first, path, along, answers, white):
     """Whitened prediction errors of the next samples, and whitened signatures beside them.
 
     Parameters
     ----------
-    observer, known, tried, y, missing, first, carried
-        As for `advance`; n is a multiple of FEW.
-    starts : bool
-        Whether these are the first samples.
-    answers : Answers
+    observer : Observer
+    known, tried : Forces
+        Forces of the model, and those whose signatures are wanted.
+    response : Response
+        Of the observer; a multiple of four of its taps follow the first.
+    y : ndarray of float64, shape (n,)
+        n is a multiple of FEW.
+    missing : ndarray of bool, shape (n,)
+        Samples that are not to be used; their errors are 0.
+    first : int
+        Samples since the spindle's angle was 0.
+    path, answers : Path, Answers
         Carried on.
-    forces : ndarray of float64, shape (2, FEW, 4 + c)
+    along : Along
         Scratch.
-    taps : ndarray of float64, shape (t,)
-        The whitening filter.
-    raw : ndarray of float64, shape (t - 1 + FEW, 4 + c)
-        Carried on: errors and signatures before they are filtered.
-    white : ndarray of float64, shape (n, 4 + c)
-        Filled with errors (column 0) and signatures.
+    white : ndarray of float, shape (n, lanes)
+        Filled with errors (column 0) and signatures: of a unit spring, a unit damper, 1, and what is tried.
     """
-    before = taps.size - 1
-    a = answers
+    lanes = white.shape[1]
+    few = FEW * lanes
     for at in range(0, y.size, FEW):
-        for k in range(before):
-            raw[k] = raw[FEW + k]
-        new = raw[before:]
-        few = slice(at, at + FEW)
-        advance(observer, known, tried, y[few], missing[few], first + at, carried, a.errors, forces[0], forces[1])
-        begins = starts and at == 0
-        # Columns of one array from beginning to end: only so does the compiler put them side by side.
-        respond(observer, forces[0], forces[1], missing[few], begins, a.state, a.ended, a.news, a.seen, new)
-        for k in range(FEW):
-            new[k, 0] = a.errors[k]
-        filtered(raw, taps, white[few])
+        part = slice(at, at + FEW)
+        predict(observer, known, y[part], missing[part], first + at, path, along.errors, along.motion)
+        carry(answers.ends, few)
+        carry(answers.raw, few)
+        for n in range(response.output.size):
+            carry(answers.states[n], few)
+        forces_of(observer, tried, first + at, lanes, path, along, answers.begins, answers.ends[lanes:])
+        respond(response, lanes, answers)
+        put(answers.raw[answers.raw.size - few :], lanes, 0, along.errors)
+        whiten(response.taps, lanes, answers.raw, white[part].reshape(few))

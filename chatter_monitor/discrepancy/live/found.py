@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc, chdtri
 
 from chatter_monitor.discrepancy.candidates import Candidate
 from chatter_monitor.discrepancy.conclude import REST_NATS, REST_SHARE
-from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.findings import SENSES
 from chatter_monitor.discrepancy.live.refit import Refit
-from chatter_monitor.discrepancy.live.windows import Accumulated, partial_gains
-from chatter_monitor.discrepancy.name import Contest
+from chatter_monitor.discrepancy.live.windows import Rest
+from chatter_monitor.discrepancy.name import PRICE_NATS
 from chatter_monitor.discrepancy.report import Verdict
 from chatter_monitor.physics.parts import Mode
 
@@ -95,8 +93,7 @@ class Named:
 
 
 def nonlinear(
-    total: NDArray[np.float64],
-    nuisance: int,
+    rest: Rest,
     entries: Sequence[tuple[Candidate, list[int]]],
     favourite: str | None,
     margin_nats: float,
@@ -105,45 +102,42 @@ def nonlinear(
 
     Parameters
     ----------
-    total : ndarray of float64, shape (1 + c, 1 + c)
-        Products of errors (0) and columns.
-    nuisance : int
-        How many columns come first that are always fitted.
+    rest : Rest
+        Of errors and signatures.
     entries : sequence of (Candidate, list of int)
         With the columns of their coefficients.
     favourite : str, optional
         What was named last: another one has to beat it by `margin_nats`.
     """
-    rows = range(1, nuisance + 1)
-    tried = sorted({column for _, columns in entries for column in columns})
-    gains = partial_gains(total, rows, [1 + column for column in tried])
+    gains = rest.gains
     # Two coefficients together may do what neither does alone.
     if 4.0 * gains.max() < _LEAST_NATS:
         return None
-    evidence: Evidence = Accumulated(total, range(nuisance))
-    contest = Contest(evidence, entries)
-    best = sorted(contest.best([], evidence.everything).values(), key=lambda each: -each[0])
-    best = [entry for entry in best if entry[3]]
-    if not best:
+    best: dict[str, tuple[float, Candidate, list[int], list[int]]] = {}
+    for candidate, columns in entries:
+        gain, left = rest.bounded(columns, candidate.lower, PRICE_NATS)
+        score = gain - PRICE_NATS * candidate.shapes
+        if left and (candidate.name not in best or score > best[candidate.name][0]):
+            best[candidate.name] = score, candidate, columns, left
+    ranking = sorted(best.values(), key=lambda each: -each[0])
+    if not ranking:
         return None
-    leader = best[0]
-    for entry in best:
-        if entry[1].name == favourite and leader[0] - entry[0] < margin_nats:
-            leader = entry
+    leader = next(
+        (each for each in ranking if each[1].name == favourite and ranking[0][0] - each[0] < margin_nats), ranking[0]
+    )
     score, candidate, columns, left = leader
-    fit = evidence.regress(left)
-    if chdtrc(len(left), 2.0 * fit.gain) > SURE:
+    gain, fitted = rest.regress(left)
+    if chdtrc(len(left), 2.0 * gain) > SURE:
         return None
-    values = dict(zip(left, fit.coefficients, strict=True))
-    others = [entry for entry in best if entry[1].name != candidate.name and entry[3] != left]
-    runner_up = (others[0][1].name, float(others[0][0])) if others else None
+    values = dict(zip(left, fitted, strict=True))
+    others = [each for each in ranking if each[1].name != candidate.name and each[3] != left]
+    runner_up = (others[0][1].name, others[0][0]) if others else None
     # What shares a column with it is the same force, a little different: friction that is less sharp, another gap.
     kin = {column for c, several in entries if c.name == candidate.name or {*several} & {*left} for column in several}
-    rest = [column for column in tried if column not in kin]
-    more = partial_gains(total, [*rows, *(1 + column for column in left)], [1 + column for column in rest])
-    strange = bool(more.max() > max(REST_NATS, REST_SHARE * fit.gain) and more.max() > _LEAST_NATS)
+    more = np.delete(rest.beside(left).gains, list(kin)).max()
+    strange = bool(more > max(REST_NATS, REST_SHARE * gain) and more > _LEAST_NATS)
     coefficients = [float(values.get(column, 0.0)) for column in columns]
-    return Named(candidate, left, coefficients, float(score), runner_up, strange)
+    return Named(candidate, left, coefficients, score, runner_up, strange)
 
 
 def of_force(named: Named, since: int, amplitude: float) -> Found:

@@ -9,15 +9,16 @@ from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy.candidates import Candidate
 from chatter_monitor.discrepancy.innovations import Innovations, known_forces
+from chatter_monitor.discrepancy.live.decimate import CHUNK
 from chatter_monitor.discrepancy.whitening import whitener
 from chatter_monitor.kernels import live_signatures as kernel
+from chatter_monitor.kernels.signatures import Observer
 from chatter_monitor.physics.parts import AppliedTerm
 
 Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
 
-CHUNK = 512  # samples that are taken at once: fewer, and the calls would cost more than what they do
 NUISANCE = 3  # first columns: a spring, a damper, a constant force
-LANES = 16  # columns that the compiler takes side by side
 ORDER = 12  # of the whitening filter
 _SETTLING = 4  # memories of the filter after which its errors and their signatures are used
 
@@ -35,37 +36,32 @@ class Stream:
     """
 
     def __init__(self, base: Innovations, tried: Sequence[tuple[Candidate, int]]) -> None:
-        self._observer, self._taps = base.observer, whitener(base.errors, base.used, ORDER)
+        self._observer = base.observer
         self._known = known_forces(base.terms)
-        self._used = 1 + NUISANCE + len(tried)
-        columns = -(-self._used // LANES) * LANES
         self._tried = known_forces([_unit(candidate, i) for candidate, i in tried])
-        self._forces = np.zeros((2, kernel.FEW, columns))
-        self._delay = int(np.ceil(base.observer.delay)) + 3
+        self._response = response_of(base.observer, whitener(base.errors, base.used, ORDER))
+        self._used = 1 + NUISANCE + len(tried)
+        self._lanes = -(-self._used // kernel.LANES) * kernel.LANES
+        self._along = kernel.new_along()
         self.settling = _SETTLING * base.memory() + ORDER
-        self._white = np.zeros((CHUNK, columns))
         self.restart()
 
     def restart(self) -> None:
         """Forget everything: what comes next does not follow on what came last."""
-        order, columns = self._observer.gain.size, self._forces.shape[2]
-        self._path = kernel.Path(
-            np.zeros(order),
-            np.zeros(order),
-            np.zeros(1),
-            np.zeros(2),
-            np.zeros(self._known.forces.size),
-            np.zeros(self._used - 1 - NUISANCE),
-            np.zeros(self._delay + kernel.FEW),
-            np.zeros((2, 4, kernel.NODES)),
-        )
-        ended, news, seen = (np.zeros(columns) for _ in range(3))
-        self._answers = kernel.Answers(np.zeros((2, order, columns)), ended, news, seen, np.zeros(kernel.FEW))
-        self._raw = np.zeros((self._taps.size - 1 + kernel.FEW, columns))
+        self._path = kernel.new_path(self._observer, self._known, self._tried)
+        self._answers = kernel.new_answers(self._response, self._lanes)
         self._since = 0
 
-    def take(self, first: int, samples: Vector, missing: NDArray[np.bool_]) -> bool:
-        """Take a chunk; whether its `white` can be used.
+    def rows(self, samples: int) -> Matrix:
+        """Room for what comes of so many samples."""
+        return np.zeros((samples, self._lanes))
+
+    def columns(self, rows: Matrix) -> Matrix:
+        """Errors, nuisance and what is tried, shape (samples, 1 + NUISANCE + c)."""
+        return rows[:, : self._used]
+
+    def take(self, first: int, samples: Vector, missing: NDArray[np.bool_], rows: Matrix) -> bool:
+        """Take a chunk; whether what comes of it can be used.
 
         Parameters
         ----------
@@ -73,23 +69,32 @@ class Stream:
             Number of the first sample.
         samples : ndarray of float64, shape (CHUNK,)
         missing : ndarray of bool, shape (CHUNK,)
+        rows : ndarray of float64, shape (CHUNK, lanes)
+            Part of `rows`; filled.
         """
         if missing.any():
             self.restart()
             return False
         kernel.watch(
-            self._observer, self._known, self._tried, samples, missing, first, self._since == 0, self._path,
-            self._answers, self._forces, self._taps, self._raw, self._white,
+            self._observer, self._known, self._tried, self._response, samples, missing, first, self._path, self._along,
+            self._answers, rows,
         )  # fmt: skip
         self._since += CHUNK
         if self._since <= self.settling // 2:  # a force along a motion that is not known yet is none
-            self._answers.state[:] = 0.0
+            self._answers.states[:] = 0.0
         return self._since > self.settling
 
-    @property
-    def white(self) -> NDArray[np.float64]:
-        """Errors, nuisance and what is tried of the newest chunk, shape (CHUNK, 1 + NUISANCE + c)."""
-        return self._white[:, : self._used].copy()
+
+def response_of(observer: Observer, taps: Vector) -> kernel.Response:
+    """How whitened prediction errors of an observer answer to forces."""
+    o = observer
+    order = o.gain.size
+    closed = o.transition @ (np.eye(order) - np.outer(o.gain, o.output))
+    # A sensor that feels the force tells, once it is known, by how much it was predicted wrongly.
+    news = closed @ o.end - o.transition @ o.gain * o.feed if o.feed else np.zeros(order)
+    before = -news - o.transition @ o.gain * o.feed
+    padded = np.pad(taps, (0, -(taps.size - 1) % 4))
+    return kernel.Response(closed, o.begin + news, o.end, before, o.output, np.array([o.feed]), padded)
 
 
 def _unit(candidate: Candidate, i: int) -> AppliedTerm:

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.candidates import SHAPES, Candidate, candidates
-from chatter_monitor.discrepancy.live.decimate import Decimator
+from chatter_monitor.discrepancy.live.decimate import CHUNK, Decimator
 from chatter_monitor.discrepancy.live.found import Found, Named, nonlinear, of_force, of_omission, of_parameters
 from chatter_monitor.discrepancy.live.history import History
 from chatter_monitor.discrepancy.live.refit import Refit, refit
-from chatter_monitor.discrepancy.live.stream import CHUNK, NUISANCE, Stream
-from chatter_monitor.discrepancy.live.windows import Blocks
+from chatter_monitor.discrepancy.live.stream import NUISANCE, Stream
+from chatter_monitor.discrepancy.live.windows import Blocks, rests
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
@@ -35,7 +35,7 @@ FIRST_FIT_S = 1.0
 FIRST_FIT_PERIODS = 300.0  # of the first mode, at least
 LAST_FIT_S = 32.0
 LEAST_PRESENT = 0.5  # share of the samples of an epoch
-CATCH_UP = 8  # times the pace of the signal, when it runs through a new observer
+CATCH_UP = 16  # times the pace of the signal, when it runs through a new observer
 CHANGED_P = 1e-9  # of errors that are as before, in one window
 RETUNED_P = 1e-8  # of the parameters of the model file
 MATERIAL = 0.15  # change of the damping over itself, or of the frequency over half the bandwidth, worth a word
@@ -64,7 +64,8 @@ class _Epoch:
     stream: Stream | None = None
     entries: list[tuple[Candidate, list[int]]] | None = None
     position: int = 0
-    rows: list[NDArray[np.float64]] = field(default_factory=list)
+    rows: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    filled: int = 0
     blocks: Blocks | None = None
     count: int = 0
     named: dict[int, Named] = field(default_factory=dict)
@@ -127,7 +128,7 @@ class Watch:
         lowered, missing = self._decimator.take(samples)
         self._history.append(lowered / self._system.sensor.gain, missing)
         try:
-            return self._follow(-(-lowered.size // CHUNK))
+            return self._follow(lowered.size // CHUNK)
         except np.linalg.LinAlgError:  # what this stretch says cannot be computed: monitoring goes on, with another one
             self._begin(self._history.end)
             return None
@@ -185,27 +186,27 @@ class Watch:
         for candidate in tried:
             for i in candidate.linear:
                 units.setdefault(candidate.acts(i), (candidate, i))
-        at = {acts: NUISANCE + number for number, acts in enumerate(units)}
+        at = {acts: number for number, acts in enumerate(units)}
         epoch.entries = [(c, [at[c.acts(i)] for i in c.linear]) for c in tried]
         epoch.refit, epoch.stream = result, Stream(base, [*units.values()])
         epoch.position = max(epoch.first, self._history.start)
         epoch.blocks = Blocks(self._windows[-1], 1 + NUISANCE + len(units), self._block * CHUNK)
-        epoch.rows, epoch.count, epoch.named = [], 0, {}
+        epoch.rows = epoch.stream.rows(self._block * CHUNK)
+        epoch.filled, epoch.count, epoch.named = 0, 0, {}
 
     def _advance(self, epoch: _Epoch, stream: Stream) -> Found | None:
         """One chunk on; how things stand, if it completes a block."""
         first, blocks = epoch.position, epoch.blocks
         part = self._history.between(first, first + CHUNK)
         epoch.position += CHUNK
-        if not stream.take(first, part.samples, part.missing):
-            epoch.rows = []
+        now = epoch.rows[epoch.filled : epoch.filled + CHUNK]
+        epoch.filled += CHUNK
+        if not stream.take(first, part.samples, part.missing, now):
+            epoch.filled = 0
+        if epoch.filled < len(epoch.rows) or blocks is None:
             return None
-        epoch.rows.append(stream.white)
-        if len(epoch.rows) < self._block or blocks is None:
-            return None
-        samples = self._block * CHUNK
-        blocks.append(epoch.position - samples, np.concatenate(epoch.rows))
-        epoch.rows = []
+        samples, epoch.filled = epoch.filled, 0
+        blocks.append(epoch.position - samples, stream.columns(epoch.rows))
         epoch.count += 1
         onset = self._changed(epoch, blocks)
         if onset is not None:
@@ -217,13 +218,12 @@ class Watch:
 
     def _changed(self, epoch: _Epoch, blocks: Blocks) -> int | None:
         """First sample of a change, if there is one: of the window in which it shows most."""
-        for size in self._due(epoch):
-            if len(blocks) < size + BEFORE:
-                break
-            if blocks.changed_p(size, RETUNED) < CHANGED_P:
-                sizes = range(max(1, size // 2), min(2 * size, len(blocks) - BEFORE) + 1)
-                best = min(sizes, key=lambda n: blocks.changed_p(n, RETUNED))
-                return blocks.firsts[-best]
+        sizes = [size for size in self._due(epoch) if size + BEFORE <= len(blocks)]
+        if not sizes:
+            return None
+        for size in np.array(sizes)[blocks.changed_p(sizes, RETUNED) < CHANGED_P]:
+            around = range(max(1, size // 2), min(2 * size, len(blocks) - BEFORE) + 1)
+            return blocks.firsts[-around[int(np.argmin(blocks.changed_p(around, RETUNED)))]]
         return None
 
     def _due(self, epoch: _Epoch) -> Iterator[int]:
@@ -234,16 +234,14 @@ class Watch:
         """Ask the windows whose turn it is, and all blocks together while the epoch is young."""
         entries = epoch.entries or []
         favourite = max(epoch.named.values(), key=lambda each: each.evidence_nats, default=None)
-        sizes = [size for size in self._due(epoch) if size >= LEAST_BLOCKS]
+        sizes = [size for size in self._due(epoch) if LEAST_BLOCKS <= size <= len(blocks)]
         if len(blocks) < self._windows[-1]:
             if len(blocks) - 1 not in self._windows:
                 epoch.named.pop(len(blocks) - 1, None)
             sizes.append(len(blocks))
-        for size in sizes:
-            if size > len(blocks):
-                continue
-            name = favourite.candidate.name if favourite else None
-            named = nonlinear(blocks.newest(size), NUISANCE, entries, name, MARGIN_NATS)
+        name = favourite.candidate.name if favourite else None
+        for size, rest in zip(sizes, rests(blocks.newest(sizes), NUISANCE), strict=True):
+            named = nonlinear(rest, entries, name, MARGIN_NATS)
             if named is None:
                 epoch.named.pop(size, None)
             else:

@@ -12,8 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from chatter_monitor.discrepancy.evidence import Evidence
-
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
@@ -72,67 +70,106 @@ class Blocks:
         self._power[at + 1] = self._power[at] + np.stack([power, power**2])
         self.firsts.append(first)
 
-    def newest(self, size: int) -> Matrix:
-        """Products summed over the newest blocks; row and column 0 are the errors.
+    def newest(self, sizes: Sequence[int]) -> Matrix:
+        """Products summed over the newest blocks, shape (len(sizes), columns, columns); the errors come first.
 
         A signature that was large once and is next to nothing now is zero: that of a constant force, to a sensor of the
         acceleration, is little more than how the filter began.
         """
-        total = np.asarray(self._products[len(self)] - self._products[len(self) - size])
-        lost = np.diag(total) <= _LOST * np.diag(self._products[len(self)])
-        total[lost], total[:, lost] = 0.0, 0.0
-        return total
+        everything = self._products[len(self)]
+        total = everything - self._products[len(self) - np.array(sizes)]
+        kept = np.diagonal(total, axis1=1, axis2=2) > _LOST * np.diag(everything)
+        return np.asarray(total * kept[:, :, None] * kept[:, None, :])
 
-    def changed_p(self, size: int, modes: int) -> float:
+    def changed_p(self, sizes: Sequence[int], modes: int) -> Vector:
         """How often chance makes the newest blocks differ as much from those before them.
 
         In the coefficients of the first columns after the errors, or in the spectrum of the errors, its level apart.
 
         Parameters
         ----------
-        size : int
-            How many are the newest.
+        sizes : sequence of int
+            How many are the newest, for each window.
         modes : int
             How many columns.
         """
-        at, end = len(self) - size, len(self)
-        here = slice(1, modes + 1), slice(0, modes + 1)
-        before, after = self._products[at][here], (self._products[end] - self._products[at])[here]
-        inverse = [np.linalg.inv(each[:, 1:]) for each in (before, after)]
-        change = inverse[1] @ after[:, 0] - inverse[0] @ before[:, 0]
-        retuned = float(change @ np.linalg.solve(inverse[0] + inverse[1], change))
-        (mean, square), new = self._power[at] / at, (self._power[end, 0] - self._power[at, 0]) / size
+        size, end = np.array(sizes), len(self)
+        at = end - size
+        before = self._products[at, 1 : modes + 1, : modes + 1]
+        after = self._products[end, 1 : modes + 1, : modes + 1] - before
+        inverse = np.linalg.inv(np.stack([before, after])[..., 1:])
+        change = np.einsum("wij,wj->wi", inverse[1], after[..., 0]) - np.einsum("wij,wj->wi", inverse[0], before[..., 0])
+        retuned = np.sum(change * np.linalg.solve(inverse.sum(axis=0), change[..., None])[..., 0], axis=-1)
+        mean, square = np.moveaxis(self._power[at] / at[:, None, None], 1, 0)
+        new = (self._power[end, 0] - self._power[at, 0]) / size[:, None]
         ratio = np.log(new / mean)
-        ratio -= ratio.mean()
+        ratio -= ratio.mean(axis=1, keepdims=True)
         # Errors with heavy tails have powers that vary more than those of Gaussian ones.
-        spread = float(np.mean(square / mean**2 - 1.0)) * self._ordinates * at / (at - 1)
-        coloured = float(ratio @ ratio) * self._ordinates / (max(spread, 1.0) * (1.0 / at + 1.0 / size))
-        return min(1.0, 2.0 * min(float(chdtrc(modes, retuned)), float(chdtrc(BANDS - 1, coloured))))
+        spread = np.mean(square / mean**2 - 1.0, axis=1) * self._ordinates * at / (at - 1)
+        coloured = np.sum(ratio * ratio, axis=1) * self._ordinates / (np.maximum(spread, 1.0) * (1.0 / at + 1.0 / size))
+        return np.minimum(1.0, 2.0 * np.minimum(chdtrc(modes, retuned), chdtrc(BANDS - 1, coloured)))
 
 
-def partial_gains(total: Matrix, nuisance: Sequence[int], columns: Sequence[int]) -> Vector:
-    """Gain of each column by itself beside the nuisance, nats.
+class Rest:
+    """What some columns leave of errors and of other columns: a regression with them always in.
 
     Parameters
     ----------
-    total : ndarray of float64, shape (1 + c, 1 + c)
-        Products; row 0 is that of the errors.
-    nuisance, columns : sequence of int
-        Rows of them.
+    errors : ndarray of float64, shape (c,)
+        Products of the errors with the columns.
+    columns : ndarray of float64, shape (c, c)
+        Products of the columns.
     """
-    a, b = np.array(nuisance), np.array(columns)
-    normal = total[a[:, None], a]
-    normal = normal + _RIDGE * np.diag(np.diag(normal)) + 1e-300 * np.eye(len(a))
-    inner = total[a[:, None], b]
-    projection = np.linalg.solve(normal, np.column_stack([total[a, 0], inner]))
-    score = total[b, 0] - inner.T @ projection[:, 0]
-    weight = np.maximum(total[b, b] - np.sum(inner * projection[:, 1:], axis=0), _RIDGE * total[b, b] + 1e-300)
-    return np.asarray(0.5 * score**2 / weight)
+
+    def __init__(self, errors: Vector, columns: Matrix) -> None:
+        self._errors, self._columns = errors, columns
+
+    @property
+    def gains(self) -> Vector:
+        """Of each column by itself, nats."""
+        return np.asarray(0.5 * self._errors**2 / np.diag(self._columns))
+
+    def regress(self, chosen: Sequence[int]) -> tuple[float, Vector]:
+        """Gain of some columns together, nats, and their coefficients."""
+        at = np.array(chosen)
+        coefficients = np.linalg.solve(self._columns[at[:, None], at], self._errors[at])
+        return 0.5 * float(coefficients @ self._errors[at]), coefficients
+
+    def bounded(self, columns: Sequence[int], lower: Sequence[float], price: float) -> tuple[float, list[int]]:
+        """Best gain less a price for each column, with no coefficient below its bound (0 or none), and by which columns."""
+        best: tuple[float, list[int]] = (-np.inf, [])
+        for mask in range(1, 1 << len(columns)):
+            chosen = [i for i in range(len(columns)) if mask >> i & 1]
+            gain, coefficients = self.regress([columns[i] for i in chosen])
+            allowed = all(c >= lower[i] for c, i in zip(coefficients, chosen, strict=True))
+            if allowed and gain - price * len(chosen) > best[0]:
+                best = gain - price * len(chosen), [columns[i] for i in chosen]
+        return best
+
+    def beside(self, given: Sequence[int]) -> Rest:
+        """With more columns always in."""
+        at = np.array(given)
+        projection = np.linalg.solve(self._columns[at[:, None], at], self._columns[at])
+        columns = self._columns - self._columns[:, at] @ projection
+        size = np.diag(self._columns)
+        columns += np.diag(np.maximum(_RIDGE * size - np.diag(columns), 0.0))
+        return Rest(self._errors - projection.T @ self._errors[at], columns)
 
 
-class Accumulated(Evidence):
-    """Evidence of products that are there already, as one block."""
+def rests(totals: Matrix, nuisance: int) -> list[Rest]:
+    """What the first columns leave of the others, for each of some windows.
 
-    def __init__(self, total: Matrix, nuisance: Sequence[int]) -> None:
-        self.products = total[None]
-        self.nuisance = list(nuisance)
+    Parameters
+    ----------
+    totals : ndarray of float64, shape (w, 1 + c, 1 + c)
+        Products; the errors come first, then the nuisance.
+    nuisance : int
+        How many columns.
+    """
+    eye = np.eye(totals.shape[1])
+    size = np.diagonal(totals, axis1=1, axis2=2)
+    totals = totals + (_RIDGE * size + 1e-300)[:, :, None] * eye
+    always, others = slice(1, nuisance + 1), np.r_[0, nuisance + 1 : totals.shape[1]]
+    inner = totals[:, always][:, :, others]
+    left = totals[:, others[:, None], others] - np.swapaxes(inner, 1, 2) @ np.linalg.solve(totals[:, always, always], inner)
+    return [Rest(each[0, 1:], each[1:, 1:]) for each in left]
