@@ -7,6 +7,7 @@ change in any kernel. A call costs a few nanoseconds.
 """
 
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any
 
 from llvmlite import ir  # type: ignore[import-untyped] # Numba's own code generator
@@ -16,6 +17,10 @@ from numba.extending import intrinsic
 _number = types.float64
 _numbers = types.CPointer(types.float64)
 _SIGNATURE = _number(_number, _number, _number, _number, _number, _number, _numbers)
+_ROW_SIGNATURE = types.void(
+    _numbers, _numbers, _numbers, _numbers, _number, _numbers, _numbers, types.intp, _numbers
+)  # fmt: skip
+MOST_PARAMETERS = 4  # of a term, where rows are evaluated: that many are read
 
 
 def compile_force(function: Callable[..., float]) -> Any:
@@ -29,19 +34,61 @@ def compile_force(function: Callable[..., float]) -> Any:
     return cfunc(_SIGNATURE, cache=True)(function)
 
 
+def _row(x, v, lagged, angle, w, memory, p, n, out):
+    parameters = (p[0], p[1], p[2], p[3])
+    for i in range(n):
+        out[i] = law(x[i], v[i], lagged[i], angle[i], w, memory[i], parameters)  # type: ignore[name-defined] # noqa: F821
+
+
+def compile_row(function: Callable[..., float]) -> Any:
+    """Compile a term's function for `call_row`: inlined into a loop, which the compiler turns into vector operations.
+
+    Numba finds what it has compiled before by the file, the line and the name of a function: the loop gets those of
+    the term's function.
+
+    Parameters
+    ----------
+    function : callable
+        As for `compile_force`.
+    """
+    of = function.__code__
+    code = _row.__code__.replace(co_filename=of.co_filename, co_firstlineno=of.co_firstlineno)
+    inlined = njit(error_model="numpy", fastmath={"contract", "nsz"})(function)
+    return cfunc(_ROW_SIGNATURE, cache=True)(FunctionType(code, {"law": inlined, "__name__": function.__module__}))
+
+
+def _call_at(context, builder, signature, arguments):
+    """Call the compiled function at the first argument; pointers are given as addresses."""
+    kinds = [context.get_value_type(kind) for kind in signature.args]
+    function_type = ir.FunctionType(context.get_value_type(signature.return_type), kinds)
+    function = builder.inttoptr(arguments[0], function_type.as_pointer())
+    given = zip(arguments[1:], kinds, strict=True)
+    passed = [builder.inttoptr(value, kind) if isinstance(kind, ir.PointerType) else value for value, kind in given]
+    return builder.call(function, passed)
+
+
 def _call_force(_typing, _address, _x, _v, _lagged, _angle, _w, _memory, _parameters):
     """Call the compiled term at an address; the last argument is the address of its first parameter."""
 
     def codegen(context, builder, _signature, arguments):
-        kinds = [context.get_value_type(kind) for kind in _SIGNATURE.args]
-        function_type = ir.FunctionType(context.get_value_type(_number), kinds)
-        function = builder.inttoptr(arguments[0], function_type.as_pointer())
-        return builder.call(function, [*arguments[1:7], builder.inttoptr(arguments[7], kinds[6])])
+        return _call_at(context, builder, _SIGNATURE, arguments)
 
     return _number(types.int64, *[_number] * 6, types.int64), codegen
 
 
+def _call_row(_typing, _address, _x, _v, _lagged, _angle, _w, _memory, _parameters, _n, _out):
+    """Call a term compiled by `compile_row` at an address, with the addresses of contiguous arrays of n states."""
+
+    def codegen(context, builder, _signature, arguments):
+        _call_at(context, builder, _ROW_SIGNATURE, arguments)
+        return context.get_dummy_value()
+
+    address = types.int64
+    return types.void(*[address] * 5, _number, address, address, types.intp, address), codegen
+
+
 call_force: Any = intrinsic(_call_force)
+call_row: Any = intrinsic(_call_row)
 
 
 @njit(cache=True, nogil=True)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from chatter_monitor.kernels.forces import call_force
+from chatter_monitor.kernels.forces import call_force, call_row
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.signatures import SMOOTH, Motion, delayed
 
@@ -33,13 +33,24 @@ class Path(NamedTuple):
     past: np.ndarray  # (p,) displacements: FEW samples, and before them those of the longest delay
 
 
+class Tried(NamedTuple):
+    """Forces whose signatures are wanted."""
+
+    rows: np.ndarray  # (c,) addresses of terms for `call_row`
+    rates: np.ndarray  # (c,) addresses of the rates of their memory, for `call_force`; 0 for none
+    substeps: np.ndarray  # (c,) SMOOTH or NODES
+    parameters: np.ndarray  # (c, MOST_PARAMETERS)
+
+
 class Along(NamedTuple):
     """Scratch: the motion over FEW samples, and forces along it."""
 
     errors: np.ndarray  # (FEW,)
     motion: Motion
-    nodes: np.ndarray  # (2, 2, NODES, 4, FEW): as `place` fills each
+    nodes: np.ndarray  # (2, 2, 4, NODES * FEW): as `place` fills each
     memory: np.ndarray  # (2, FEW) of a term, at the sample and as predicted for the next
+    between: np.ndarray  # (2, NODES * FEW) memory at the nodes: none, and that of a term
+    along: np.ndarray  # (NODES * FEW,) force at the nodes
     force: np.ndarray  # (2, FEW)
 
 
@@ -72,26 +83,6 @@ class Answers(NamedTuple):
     ends: np.ndarray  # (1 + FEW rows,) p(k+1)
     states: np.ndarray  # (n, 1 + FEW rows) d(k)
     raw: np.ndarray  # (t - 1 + FEW rows,) s(k), the errors in their place
-
-
-def new_path(observer, known, tried):
-    """Path from rest."""
-    order, past = observer.gain.size, int(np.ceil(observer.delay)) + 3 + FEW
-    sizes = order, order, 1, 2, known.forces.size, tried.forces.size, past
-    return Path(*(np.zeros(size) for size in sizes))
-
-
-def new_along():
-    """Scratch."""
-    motion = Motion(*(np.zeros((2, FEW)) for _ in range(3)))
-    return Along(np.zeros(FEW), motion, np.zeros((2, 2, NODES, 4, FEW)), np.zeros((2, FEW)), np.zeros((2, FEW)))
-
-
-def new_answers(response, lanes):
-    """No signatures yet."""
-    few = FEW * lanes
-    raw = np.zeros((response.taps.size - 1) * lanes + few)
-    return Answers(np.zeros(few), np.zeros(lanes + few), np.zeros((response.output.size, lanes + few)), raw)
 
 
 @njit(**OPTIONS)
@@ -147,16 +138,15 @@ def at_sample(term, j, x0, v0, lagged, angle, observer, z):
 
 
 @njit(**OPTIONS)
-def remembered(term, j, x0, v0, x1, v1, lagged, angle, omega, z, step_s):
+def remembered(rate, p, x0, v0, x1, v1, lagged, angle, omega, z, step_s):
     """Memory of a term at the end of a step: one linearly implicit midpoint step."""
-    rate, p = term.rates[j], term.parameters.ctypes.data + 8 * term.columns[j]
     if rate == 0:
         return z
     x, v = 0.5 * (x0 + x1), 0.5 * (v0 + v1)
     probe = 1e-6 * (abs(z) + abs(v) * step_s) + 1e-300
     slope = call_force(rate, x, v, lagged, angle, omega, z, p)
-    steeper = (call_force(rate, x, v, lagged, angle, omega, z + probe, p) - slope) / probe
-    return z + step_s * slope / (1.0 - 0.5 * step_s * min(steeper, 0.0))
+    change = call_force(rate, x, v, lagged, angle, omega, z + probe, p) - slope
+    return z + step_s * slope * probe / (probe - 0.5 * step_s * min(change, 0.0))
 
 
 @njit(**OPTIONS)
@@ -233,7 +223,8 @@ def predict(observer, known, y, missing, first, path, errors, motion):
             early = early if feels else 0.0
             for j in range(count):
                 z = path.known_memory[j]
-                ended = remembered(known, j, x, v, xp, vp, lagged_next, angle, omega, z, step)
+                p = known.parameters.ctypes.data + 8 * known.columns[j]
+                ended = remembered(known.rates[j], p, x, v, xp, vp, lagged_next, angle, omega, z, step)
                 if feels:
                     late += at_sample(known, j, xp, vp, lagged_next, angle + turn, observer, ended)
                 else:
@@ -262,8 +253,8 @@ def place(observer, motion, first, row, nodes):
         substeps = SMOOTH if kind == 0 else NODES
         for i in range(substeps):
             s = position(substeps, i)
-            node = nodes[kind, i]
-            x, v, lagged, angle = node[0], node[1], node[2], node[3]
+            part = slice(i * FEW, (i + 1) * FEW)
+            x, v, lagged, angle = nodes[kind, 0, part], nodes[kind, 1, part], nodes[kind, 2, part], nodes[kind, 3, part]
             if observer.feed != 0.0:
                 for k in range(FEW):
                     x[k], v[k] = about(s, motion.x[row, k], motion.v[row, k], omega, step)
@@ -277,44 +268,52 @@ def place(observer, motion, first, row, nodes):
 
 
 @njit(**OPTIONS)
-def remember(observer, term, j, motion, first, path, memory):
+def parameters_of(tried, j):
+    """Address of the parameters of a force."""
+    return tried.parameters.ctypes.data + 8 * tried.parameters.shape[1] * j
+
+
+@njit(**OPTIONS)
+def remember(observer, tried, j, motion, first, path, memory):
     """Memory of a term at FEW samples, and as predicted for the sample after each."""
-    omega, step = observer.omega, observer.step_s
-    if term.rates[j] == 0:
-        for k in range(FEW):
-            memory[0, k] = memory[1, k] = 0.0
-        return
+    omega, step, rate, p = observer.omega, observer.step_s, tried.rates[j], parameters_of(tried, j)
     x, v, z = path.last[0], path.last[1], path.memory[j]
     for k in range(FEW):
         x0, v0, x1, v1 = motion.x[0, k], motion.v[0, k], motion.x[1, k], motion.v[1, k]
         lagged, lagged_next = motion.lagged[0, k], motion.lagged[1, k]
         angle = observer.turn * (first + k)
-        z = remembered(term, j, x, v, x0, v0, lagged, angle, omega, z, step)
+        z = remembered(rate, p, x, v, x0, v0, lagged, angle, omega, z, step)
         memory[0, k] = z
-        memory[1, k] = remembered(term, j, x0, v0, x1, v1, lagged_next, angle, omega, z, step)
+        memory[1, k] = remembered(rate, p, x0, v0, x1, v1, lagged_next, angle, omega, z, step)
         x, v = x0, v0
     path.memory[j] = z
 
 
 @njit(**OPTIONS)
-def lines(term, j, nodes, memory, omega, force):
-    """Force of a term over FEW steps, each as the straight line of the same mean and first moment."""
-    substeps, address = term.substeps[j], term.forces[j]
-    p = term.parameters.ctypes.data + 8 * term.columns[j]
+def evaluate(tried, j, nodes, omega, memory, along):
+    """Force of a term at the nodes of FEW samples."""
+    node = nodes[0 if tried.substeps[j] == SMOOTH else 1].ctypes.data
+    row = 8 * nodes.shape[2]
+    call_row(
+        tried.rows[j], node, node + row, node + 2 * row, node + 3 * row, omega, memory.ctypes.data,
+        parameters_of(tried, j), tried.substeps[j] * FEW, along.ctypes.data,
+    )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def as_lines(substeps, along, force):
+    """Straight lines of the mean and first moment of forces at the nodes of FEW steps: their values at the ends."""
     mean, slope = force[0], force[1]
     square = 0.0
     for k in range(FEW):
         mean[k] = slope[k] = 0.0
     for i in range(substeps):
-        s = position(substeps, i)
-        square += (s - 0.5) * (s - 0.5)
-        node = nodes[0 if substeps == SMOOTH else 1, i]
-        x, v, lagged, angle = node[0], node[1], node[2], node[3]
+        s = position(substeps, i) - 0.5
+        square += s * s
+        here = along[i * FEW : (i + 1) * FEW]
         for k in range(FEW):
-            z = (1.0 - s) * memory[0, k] + s * memory[1, k]
-            here = call_force(address, x[k], v[k], lagged[k], angle[k], omega, z, p)
-            mean[k] += here
-            slope[k] += (s - 0.5) * here
+            mean[k] += here[k]
+            slope[k] += s * here[k]
     for k in range(FEW):
         middle, half = mean[k] / substeps, 0.5 * slope[k] / square
         mean[k] = middle - half
@@ -322,17 +321,14 @@ def lines(term, j, nodes, memory, omega, force):
 
 
 @njit(**OPTIONS)
-def means(term, j, nodes, memory, omega, force):
-    """Mean force of a term about FEW samples."""
-    substeps, address = term.substeps[j], term.forces[j]
-    p = term.parameters.ctypes.data + 8 * term.columns[j]
+def as_means(substeps, along, force):
+    """Means of forces at the nodes about FEW samples."""
     for k in range(FEW):
         force[k] = 0.0
     for i in range(substeps):
-        node = nodes[0 if substeps == SMOOTH else 1, i]
-        x, v, lagged, angle = node[0], node[1], node[2], node[3]
+        here = along[i * FEW : (i + 1) * FEW]
         for k in range(FEW):
-            force[k] += call_force(address, x[k], v[k], lagged[k], angle[k], omega, memory[k], p) / substeps
+            force[k] += here[k] / substeps
 
 
 @njit(**OPTIONS)
@@ -349,33 +345,34 @@ def forces_of(observer, tried, first, lanes, path, along, begins, ends):
     As straight lines over the step that follows each sample; for a sensor that feels the force, at the sample as known,
     and at the next one as predicted.
     """
-    motion, count = along.motion, tried.forces.size
-    for j in range(2):
-        put(begins if j == 0 else ends, lanes, 1, motion.x[j])
-        put(begins if j == 0 else ends, lanes, 2, motion.v[j])
-    along.force[0, :] = 1.0
-    put(begins, lanes, 3, along.force[0])
-    put(ends, lanes, 3, along.force[0])
-    feels = observer.feed != 0.0
+    motion, omega, feels = along.motion, observer.omega, observer.feed != 0.0
     for row in range(2 if feels else 1):
         place(observer, motion, first, row, along.nodes[row])
-    for j in range(count):
-        remember(observer, tried, j, motion, first, path, along.memory)
-        if feels:
-            for row in range(2):
-                means(tried, j, along.nodes[row], along.memory[row], observer.omega, along.force[row])
-        else:
-            lines(tried, j, along.nodes[0], along.memory, observer.omega, along.force)
+    for row in range(2):
+        columns = begins if row == 0 else ends
+        put(columns, lanes, 1, motion.x[row])
+        put(columns, lanes, 2, motion.v[row])
+        along.force[row, :] = 1.0
+        put(columns, lanes, 3, along.force[row])
+    for j in range(tried.rows.size):
+        substeps, remembers = tried.substeps[j], tried.rates[j] != 0
+        between = along.between[1 if remembers else 0]
+        if remembers:
+            remember(observer, tried, j, motion, first, path, along.memory)
+        for row in range(2 if feels else 1):
+            for i in range(substeps):
+                s = row if feels else position(substeps, i)
+                z = between[i * FEW : (i + 1) * FEW]
+                for k in range(FEW if remembers else 0):
+                    z[k] = (1.0 - s) * along.memory[0, k] + s * along.memory[1, k]
+            evaluate(tried, j, along.nodes[row], omega, between, along.along)
+            if feels:
+                as_means(substeps, along.along, along.force[row])
+        if not feels:
+            as_lines(substeps, along.along, along.force)
         put(begins, lanes, 4 + j, along.force[0])
         put(ends, lanes, 4 + j, along.force[1])
     path.last[0], path.last[1] = motion.x[0, FEW - 1], motion.v[0, FEW - 1]
-
-
-@njit(**OPTIONS)
-def add(row, factor, other):
-    """Add a multiple of the beginning of another row."""
-    for c in range(row.size):
-        row[c] += factor * other[c]
 
 
 @njit(**OPTIONS)
@@ -394,17 +391,19 @@ def respond(response, lanes, answers):
         row, a, b, c = states[i, lanes:], r.known[i], r.ahead[i], r.before[i]
         for k in range(few):
             row[k] = a * begins[k] + b * ahead[k] + c * before[k]
-    for at in range(0, few, lanes):
-        now = slice(at, at + lanes)
+    for at in range(0, few, LANES):
         for i in range(order):
-            row = states[i, at + lanes : at + 2 * lanes]
             for j in range(order):
-                add(row, r.closed[i, j], states[j, now])
+                factor = r.closed[i, j]
+                for c in range(LANES):
+                    states[i, lanes + at + c] += factor * states[j, at + c]
     signature = answers.raw[answers.raw.size - few :]
     for k in range(few):
         signature[k] = r.feed[0] * before[k]
     for i in range(order):
-        add(signature, r.output[i], states[i])
+        row, factor = states[i], r.output[i]
+        for k in range(few):
+            signature[k] += factor * row[k]
 
 
 @njit(**OPTIONS)
@@ -429,8 +428,10 @@ def watch(observer, known, tried, response, y, missing, first, path, along, answ
     Parameters
     ----------
     observer : Observer
-    known, tried : Forces
-        Forces of the model, and those whose signatures are wanted.
+    known : Forces
+        Forces of the model.
+    tried : Tried
+        At least one.
     response : Response
         Of the observer; a multiple of four of its taps follow the first.
     y : ndarray of float64, shape (n,)

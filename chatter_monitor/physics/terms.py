@@ -23,7 +23,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
-from chatter_monitor.kernels.forces import compile_force
+from chatter_monitor.kernels.forces import compile_force, compile_row
 
 Force = Callable[[float, float, float, float, float, float, Sequence[float]], float]
 
@@ -116,6 +116,11 @@ class Term:
     def compiled_force(self) -> Any:
         """The force as a C function, compiled at first use; kernels take its ``address``."""
         return compile_force(self.force)
+
+    @cached_property
+    def compiled_row(self) -> Any:
+        """The force at many states as a C function, compiled at first use."""
+        return compile_row(self.force)
 
     @cached_property
     def compiled_rate(self) -> Any:

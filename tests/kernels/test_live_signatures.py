@@ -5,7 +5,7 @@ import pytest
 
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.innovations import Innovations, known_forces
-from chatter_monitor.discrepancy.live.stream import response_of
+from chatter_monitor.discrepancy.live.stream import at_rest, no_answers, response_of, scratch, tried_forces
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.kernels import live_signatures as live
 from chatter_monitor.kernels.signatures import observe
@@ -35,10 +35,10 @@ def base_of(quantity, terms=()):
 
 def watched(base, known, taps, calls):
     """Errors and signatures, in as many calls."""
-    y, tried = base.recorded.samples, known_forces(TRIED)
+    y, tried = base.recorded.samples, tried_forces(TRIED)
     response = response_of(base.observer, taps)
-    path, along = live.new_path(base.observer, known, tried), live.new_along()
-    answers = live.new_answers(response, live.LANES)
+    path, along = at_rest(base.observer, known, tried), scratch()
+    answers = no_answers(response, live.LANES)
     white = np.zeros((y.size, live.LANES), answers.raw.dtype)
     missing = np.zeros(y.size, dtype=bool)
     for part in np.split(np.arange(y.size), calls):

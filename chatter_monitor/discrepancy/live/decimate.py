@@ -11,8 +11,9 @@ from scipy import signal as dsp
 
 SAMPLES_PER_PERIOD = 10.0  # of the fastest mode, at least: room for its fourth harmonic
 CHUNK = 512  # samples that are given at once: fewer, and the calls would cost more than what they do
-_REACH = 16  # of the low-pass, in samples of the lower rate
-_ROW = 16  # samples that one product with the low-pass as a matrix makes; divides CHUNK
+_ROW = (
+    16  # samples of the lower rate that the low-pass reaches to either side, and that it makes at once; divides CHUNK
+)
 _UP = (1, 2, 4)  # numerators of the ratio; divide _ROW
 
 
@@ -39,15 +40,16 @@ class Decimator:
         self.rate_hz = rate_hz * float(self.ratio)
         up, down = self.ratio.numerator, self.ratio.denominator
         self._advance = _ROW // up * down  # samples that come for a row of those that go
-        self._reach = 0 if self.ratio == 1 else -(-_REACH * down // up)
-        came = np.arange(self._advance + 2 * self._reach)[:, None] - self._reach
+        # What the low-pass reaches of the rows before and after: as far as the rows are long.
+        came = np.arange(3 * self._advance)[:, None] - self._advance
         lag = np.arange(_ROW) * down - came * up
-        half = _REACH * down
-        self._within = abs(lag) <= half if self._reach else lag == 0
+        half = _ROW * down if self.ratio != 1 else 0
         # 6 dB down at the new edge: what lies around it folds back, and the band stays full.
-        taps = up * dsp.firwin(2 * half + 1, 1.0 / down, window=("kaiser", 6.0)) if self._reach else np.ones(2 * half + 1)
+        taps = up * dsp.firwin(2 * half + 1, 1.0 / down, window=("kaiser", 6.0)) if half else np.ones(1)
+        self._within = abs(lag) <= half
         self._lowpass = np.where(self._within, taps[np.clip(lag + half, 0, 2 * half)], 0.0)
-        self._kept = [np.full(self._reach, np.nan)]  # before the first sample there is none
+        self._kept = [np.full(self._advance, np.nan)]  # before the first sample there is none
+        self._waiting = self._advance
 
     def take(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Take the next samples, NaN for those that are missing.
@@ -60,21 +62,30 @@ class Decimator:
             Which of it is missing.
         """
         self._kept.append(samples)
+        self._waiting += samples.size
         rows = CHUNK // _ROW
-        chunks = (sum(part.size for part in self._kept) - 2 * self._reach) // (rows * self._advance)
+        chunks = (self._waiting // self._advance - 2) // rows
         if chunks <= 0:
             return np.zeros(0), np.zeros(0, dtype=bool)
         came = np.concatenate(self._kept)
+        done = chunks * rows * self._advance
+        self._kept, self._waiting = [came[done:]], came.size - done
         absent = ~np.isfinite(came)
-        windows = self._windows(np.where(absent, 0.0, came))
+        anything = bool(absent.any())
+        if anything:
+            came = np.where(absent, 0.0, came)
         # A product for each chunk: the same one, whatever came at once.
-        lowered = [windows[i * rows : (i + 1) * rows] @ self._lowpass for i in range(chunks)]
+        lowered = [self._product(came, i * rows, self._lowpass) for i in range(chunks)]
         missing = np.zeros(chunks * CHUNK, dtype=bool)
-        if absent.any():
-            missing = (self._windows(absent)[: chunks * rows] @ self._within).reshape(-1)
-        self._kept = [came[chunks * rows * self._advance :]]
-        return np.concatenate(lowered).reshape(-1), missing
+        if anything:
+            missing = np.concatenate([self._product(absent, i * rows, self._within) for i in range(chunks)])
+        return np.concatenate(lowered), missing
 
-    def _windows(self, came: NDArray[Any]) -> NDArray[Any]:
-        """What each row of samples that go is made of."""
-        return np.lib.stride_tricks.sliding_window_view(came, self._lowpass.shape[0])[:: self._advance]
+    def _product(self, came: NDArray[Any], first: int, weights: NDArray[Any]) -> NDArray[Any]:
+        """A chunk of what goes, of rows from the first one on and those around."""
+        rows, size = CHUNK // _ROW, self._advance
+        total = np.zeros((rows, _ROW), dtype=weights.dtype)
+        for i in range(3):
+            part = came[(first + i) * size : (first + i + rows) * size].reshape(rows, size)
+            total += part @ weights[i * size : (i + 1) * size]
+        return total.reshape(-1)

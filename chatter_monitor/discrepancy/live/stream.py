@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy.candidates import Candidate
-from chatter_monitor.discrepancy.innovations import Innovations, known_forces
+from chatter_monitor.discrepancy.innovations import Innovations, known_forces, rate_of
 from chatter_monitor.discrepancy.live.decimate import CHUNK
 from chatter_monitor.discrepancy.whitening import whitener
 from chatter_monitor.kernels import live_signatures as kernel
-from chatter_monitor.kernels.signatures import Observer
+from chatter_monitor.kernels.forces import MOST_PARAMETERS
+from chatter_monitor.kernels.signatures import SMOOTH, Forces, Motion, Observer
 from chatter_monitor.physics.parts import AppliedTerm
 
 Vector = NDArray[np.float64]
@@ -38,18 +39,18 @@ class Stream:
     def __init__(self, base: Innovations, tried: Sequence[tuple[Candidate, int]]) -> None:
         self._observer = base.observer
         self._known = known_forces(base.terms)
-        self._tried = known_forces([_unit(candidate, i) for candidate, i in tried])
+        self._tried = tried_forces([_unit(candidate, i) for candidate, i in tried])
         self._response = response_of(base.observer, whitener(base.errors, base.used, ORDER))
         self._used = 1 + NUISANCE + len(tried)
         self._lanes = -(-self._used // kernel.LANES) * kernel.LANES
-        self._along = kernel.new_along()
+        self._along = scratch()
         self.settling = _SETTLING * base.memory() + ORDER
         self.restart()
 
     def restart(self) -> None:
         """Forget everything: what comes next does not follow on what came last."""
-        self._path = kernel.new_path(self._observer, self._known, self._tried)
-        self._answers = kernel.new_answers(self._response, self._lanes)
+        self._path = at_rest(self._observer, self._known, self._tried)
+        self._answers = no_answers(self._response, self._lanes)
         self._since = 0
 
     def rows(self, samples: int) -> Matrix:
@@ -85,6 +86,19 @@ class Stream:
         return self._since > self.settling
 
 
+def tried_forces(terms: Sequence[AppliedTerm]) -> kernel.Tried:
+    """Terms as the live kernel takes them."""
+    parameters = np.zeros((len(terms), MOST_PARAMETERS))
+    for row, applied in zip(parameters, terms, strict=True):
+        row[: len(applied.values)] = applied.values
+    return kernel.Tried(
+        np.array([applied.term.compiled_row.address for applied in terms], dtype=np.int64),
+        np.array([rate_of(applied.term) for applied in terms], dtype=np.int64),
+        np.array([SMOOTH if applied.term.smooth else kernel.NODES for applied in terms], dtype=np.int64),
+        parameters,
+    )
+
+
 def response_of(observer: Observer, taps: Vector) -> kernel.Response:
     """How whitened prediction errors of an observer answer to forces."""
     o = observer
@@ -95,6 +109,30 @@ def response_of(observer: Observer, taps: Vector) -> kernel.Response:
     before = -news - o.transition @ o.gain * o.feed
     padded = np.pad(taps, (0, -(taps.size - 1) % 4))
     return kernel.Response(closed, o.begin + news, o.end, before, o.output, np.array([o.feed]), padded)
+
+
+def scratch() -> kernel.Along:
+    """Room for the motion over some samples, and for forces along it."""
+    few, nodes = kernel.FEW, kernel.NODES * kernel.FEW
+    motion = Motion(*(np.zeros((2, few)) for _ in range(3)))
+    rows = np.zeros((2, 2, 4, nodes)), np.zeros((2, few)), np.zeros((2, nodes)), np.zeros(nodes)
+    return kernel.Along(np.zeros(few), motion, *rows, np.zeros((2, few)))
+
+
+def at_rest(observer: Observer, known: Forces, tried: kernel.Tried) -> kernel.Path:
+    """What an observer begins with."""
+    order, past = observer.gain.size, int(np.ceil(observer.delay)) + 3 + kernel.FEW
+    sizes = order, order, 1, 2, known.forces.size, tried.rows.size, past
+    return kernel.Path(*(np.zeros(size) for size in sizes))
+
+
+def no_answers(response: kernel.Response, lanes: int) -> kernel.Answers:
+    """What the signatures begin with."""
+    few = kernel.FEW * lanes
+    before = (response.taps.size - 1) * lanes
+    return kernel.Answers(
+        np.zeros(few), np.zeros(lanes + few), np.zeros((response.output.size, lanes + few)), np.zeros(before + few)
+    )
 
 
 def _unit(candidate: Candidate, i: int) -> AppliedTerm:

@@ -22,7 +22,7 @@ from chatter_monitor.discrepancy.live.found import Found, Named, nonlinear, of_f
 from chatter_monitor.discrepancy.live.history import History
 from chatter_monitor.discrepancy.live.refit import Refit, refit
 from chatter_monitor.discrepancy.live.stream import NUISANCE, Stream
-from chatter_monitor.discrepancy.live.windows import Blocks, rests
+from chatter_monitor.discrepancy.live.windows import Blocks
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
@@ -41,7 +41,6 @@ RETUNED_P = 1e-8  # of the parameters of the model file
 MATERIAL = 0.15  # change of the damping over itself, or of the frequency over half the bandwidth, worth a word
 BEFORE = 8  # blocks, at least, that a window is compared with
 LEAST_BLOCKS = 2  # of a window that a force is named by
-RETUNED = 2  # columns, of a spring and a damper, in which a change is looked for
 MARGIN_NATS = 3.0  # by which another name has to lead, to be taken
 # Fewer shapes than a recording is searched for: the cost is paid at every sample.
 COARSE = {
@@ -221,9 +220,9 @@ class Watch:
         sizes = [size for size in self._due(epoch) if size + BEFORE <= len(blocks)]
         if not sizes:
             return None
-        for size in np.array(sizes)[blocks.changed_p(sizes, RETUNED) < CHANGED_P]:
+        for size in np.array(sizes)[blocks.changed_p(sizes) < CHANGED_P]:
             around = range(max(1, size // 2), min(2 * size, len(blocks) - BEFORE) + 1)
-            return blocks.firsts[-around[int(np.argmin(blocks.changed_p(around, RETUNED)))]]
+            return blocks.firsts[-around[int(np.argmin(blocks.changed_p(around)))]]
         return None
 
     def _due(self, epoch: _Epoch) -> Iterator[int]:
@@ -240,7 +239,7 @@ class Watch:
                 epoch.named.pop(len(blocks) - 1, None)
             sizes.append(len(blocks))
         name = favourite.candidate.name if favourite else None
-        for size, rest in zip(sizes, rests(blocks.newest(sizes), NUISANCE), strict=True):
+        for size, rest in zip(sizes, blocks.newest(sizes, NUISANCE), strict=True):
             named = nonlinear(rest, entries, name, MARGIN_NATS)
             if named is None:
                 epoch.named.pop(size, None)

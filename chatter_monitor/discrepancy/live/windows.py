@@ -6,17 +6,21 @@ window of any length costs the same.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from chatter_monitor.kernels import live_windows as kernel
+
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 BANDS = 24
-_RIDGE = 1e-9
+RIDGE = 1e-9
 # Of a running sum: what is left of less than that when two are subtracted is rounding.
 _LOST = 1e-8
 
@@ -70,44 +74,35 @@ class Blocks:
         self._power[at + 1] = self._power[at] + np.stack([power, power**2])
         self.firsts.append(first)
 
-    def newest(self, sizes: Sequence[int]) -> Matrix:
-        """Products summed over the newest blocks, shape (len(sizes), columns, columns); the errors come first.
-
-        A signature that was large once and is next to nothing now is zero: that of a constant force, to a sensor of the
-        acceleration, is little more than how the filter began.
-        """
-        everything = self._products[len(self)]
-        total = everything - self._products[len(self) - np.array(sizes)]
-        kept = np.diagonal(total, axis1=1, axis2=2) > _LOST * np.diag(everything)
-        return np.asarray(total * kept[:, :, None] * kept[:, None, :])
-
-    def changed_p(self, sizes: Sequence[int], modes: int) -> Vector:
-        """How often chance makes the newest blocks differ as much from those before them.
-
-        In the coefficients of the first columns after the errors, or in the spectrum of the errors, its level apart.
+    def newest(self, sizes: Sequence[int], always: int) -> list[Rest]:
+        """What the first columns after the errors leave of the others, over the newest blocks.
 
         Parameters
         ----------
         sizes : sequence of int
             How many are the newest, for each window.
-        modes : int
+        always : int
             How many columns.
         """
-        size, end = np.array(sizes), len(self)
-        at = end - size
-        before = self._products[at, 1 : modes + 1, : modes + 1]
-        after = self._products[end, 1 : modes + 1, : modes + 1] - before
-        inverse = np.linalg.inv(np.stack([before, after])[..., 1:])
-        change = np.einsum("wij,wj->wi", inverse[1], after[..., 0]) - np.einsum("wij,wj->wi", inverse[0], before[..., 0])
-        retuned = np.sum(change * np.linalg.solve(inverse.sum(axis=0), change[..., None])[..., 0], axis=-1)
-        mean, square = np.moveaxis(self._power[at] / at[:, None, None], 1, 0)
-        new = (self._power[end, 0] - self._power[at, 0]) / size[:, None]
-        ratio = np.log(new / mean)
-        ratio -= ratio.mean(axis=1, keepdims=True)
-        # Errors with heavy tails have powers that vary more than those of Gaussian ones.
-        spread = np.mean(square / mean**2 - 1.0, axis=1) * self._ordinates * at / (at - 1)
-        coloured = np.sum(ratio * ratio, axis=1) * self._ordinates / (np.maximum(spread, 1.0) * (1.0 / at + 1.0 / size))
-        return np.minimum(1.0, 2.0 * np.minimum(chdtrc(modes, retuned), chdtrc(BANDS - 1, coloured)))
+        totals = np.empty((len(sizes), *self._products.shape[1:]))
+        kernel.newest(self._products, len(self), np.array(sizes, dtype=np.int64), _LOST, RIDGE, always, totals)
+        return [Rest(total[0, always + 1 :], total[always + 1 :, always + 1 :]) for total in totals]
+
+    def changed_p(self, sizes: Sequence[int]) -> Vector:
+        """How often chance makes the newest blocks differ as much from those before them.
+
+        In the coefficients of the first two columns after the errors, or in the spectrum of the errors without its
+        level.
+
+        Parameters
+        ----------
+        sizes : sequence of int
+            How many are the newest, for each window.
+        """
+        retuned, coloured = np.empty((2, len(sizes)))
+        size = np.array(sizes, dtype=np.int64)
+        kernel.changed(self._products, self._power, len(self), size, self._ordinates, retuned, coloured)
+        return np.minimum(1.0, 2.0 * np.minimum(chdtrc(2, retuned), chdtrc(BANDS - 1, coloured)))
 
 
 class Rest:
@@ -124,22 +119,26 @@ class Rest:
     def __init__(self, errors: Vector, columns: Matrix) -> None:
         self._errors, self._columns = errors, columns
 
-    @property
+    @cached_property
     def gains(self) -> Vector:
         """Of each column by itself, nats."""
-        return np.asarray(0.5 * self._errors**2 / np.diag(self._columns))
+        return np.asarray(0.5 * self._errors**2 / self._columns.diagonal())
 
-    def regress(self, chosen: Sequence[int]) -> tuple[float, Vector]:
-        """Gain of some columns together, nats, and their coefficients."""
-        at = np.array(chosen)
-        coefficients = np.linalg.solve(self._columns[at[:, None], at], self._errors[at])
-        return 0.5 * float(coefficients @ self._errors[at]), coefficients
+    def regress(self, chosen: Sequence[int]) -> tuple[float, list[float]]:
+        """Gain of one column or two together, nats, and their coefficients."""
+        i, j = chosen[0], chosen[-1]
+        x, a = float(self._errors[i]), float(self._columns[i, i])
+        if i == j:
+            return 0.5 * x * x / a, [x / a]
+        y, b, c = float(self._errors[j]), float(self._columns[i, j]), float(self._columns[j, j])
+        determinant = a * c - b * b
+        u, v = (c * x - b * y) / determinant, (a * y - b * x) / determinant
+        return 0.5 * (u * x + v * y), [u, v]
 
     def bounded(self, columns: Sequence[int], lower: Sequence[float], price: float) -> tuple[float, list[int]]:
-        """Best gain less a price for each column, with no coefficient below its bound (0 or none), and by which columns."""
-        best: tuple[float, list[int]] = (-np.inf, [])
-        for mask in range(1, 1 << len(columns)):
-            chosen = [i for i in range(len(columns)) if mask >> i & 1]
+        """Best gain less a price for each column, and by which columns; none has a coefficient below its bound."""
+        best: tuple[float, list[int]] = (-math.inf, [])
+        for chosen in ([0], [1], [0, 1]) if len(columns) == 2 else ([0],):
             gain, coefficients = self.regress([columns[i] for i in chosen])
             allowed = all(c >= lower[i] for c, i in zip(coefficients, chosen, strict=True))
             if allowed and gain - price * len(chosen) > best[0]:
@@ -152,24 +151,5 @@ class Rest:
         projection = np.linalg.solve(self._columns[at[:, None], at], self._columns[at])
         columns = self._columns - self._columns[:, at] @ projection
         size = np.diag(self._columns)
-        columns += np.diag(np.maximum(_RIDGE * size - np.diag(columns), 0.0))
+        columns += np.diag(np.maximum(RIDGE * size - np.diag(columns), 0.0))
         return Rest(self._errors - projection.T @ self._errors[at], columns)
-
-
-def rests(totals: Matrix, nuisance: int) -> list[Rest]:
-    """What the first columns leave of the others, for each of some windows.
-
-    Parameters
-    ----------
-    totals : ndarray of float64, shape (w, 1 + c, 1 + c)
-        Products; the errors come first, then the nuisance.
-    nuisance : int
-        How many columns.
-    """
-    eye = np.eye(totals.shape[1])
-    size = np.diagonal(totals, axis1=1, axis2=2)
-    totals = totals + (_RIDGE * size + 1e-300)[:, :, None] * eye
-    always, others = slice(1, nuisance + 1), np.r_[0, nuisance + 1 : totals.shape[1]]
-    inner = totals[:, always][:, :, others]
-    left = totals[:, others[:, None], others] - np.swapaxes(inner, 1, 2) @ np.linalg.solve(totals[:, always, always], inner)
-    return [Rest(each[0, 1:], each[1:, 1:]) for each in left]

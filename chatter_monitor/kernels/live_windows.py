@@ -1,0 +1,104 @@
+"""Sums over the newest blocks of a running signal: what windows of different lengths say, in one pass each."""
+
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels.options import OPTIONS
+
+
+@njit(cache=True, nogil=True)
+def newest(sums, end, sizes, lost, ridge, always, out):
+    """Products of the newest blocks with some columns taken out of the others.
+
+    A column that was large once and is next to nothing now is zero: what is left when two sums are subtracted is
+    rounding.
+
+    Parameters
+    ----------
+    sums : ndarray of float64, shape (b, c, c)
+        Products of columns, summed over all blocks up to each.
+    end : int
+        The newest block.
+    sizes : ndarray of int64, shape (w,)
+        How many blocks are in each window.
+    lost : float
+        Share of a column's sum that is rounding.
+    ridge : float
+        Share of a column's own product that is added to it.
+    always : int
+        Columns 1 to `always` are taken out.
+    out : ndarray of float64, shape (w, c, c)
+        Filled; rows and columns of what was taken out are of no use.
+    """
+    columns = out.shape[1]
+    for window in range(sizes.size):
+        total, before = out[window], sums[end - sizes[window]]
+        for i in range(columns):
+            for j in range(columns):
+                total[i, j] = sums[end, i, j] - before[i, j]
+        for i in range(columns):
+            if total[i, i] <= lost * sums[end, i, i]:
+                for j in range(columns):
+                    total[i, j] = total[j, i] = 0.0
+            total[i, i] += ridge * total[i, i] + 1e-300
+        for pivot in range(1, always + 1):
+            for i in range(columns):
+                if i == 0 or i > pivot:
+                    factor = total[i, pivot] / total[pivot, pivot]
+                    for j in range(columns):
+                        total[i, j] -= factor * total[pivot, j]
+
+
+@njit(**OPTIONS)
+def inverse(a, b, c):
+    """Of a symmetric 2 x 2 matrix: its upper triangle."""
+    determinant = a * c - b * b
+    return c / determinant, -b / determinant, a / determinant
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def changed(sums, powers, end, sizes, ordinates, retuned, coloured):
+    """By how much the newest blocks differ from all those before them.
+
+    Parameters
+    ----------
+    sums : ndarray of float64, shape (b, c, c)
+        Products, summed over all blocks up to each: of errors, two columns, and others.
+    powers : ndarray of float64, shape (b, 2, bands)
+        Powers of the errors in bands, and their squares, summed likewise.
+    end : int
+        The newest block.
+    sizes : ndarray of int64, shape (w,)
+        How many blocks are new.
+    ordinates : float
+        Of the periodogram in each band of a block.
+    retuned, coloured : ndarray of float64, shape (w,)
+        Filled: chi-squared of a change of the two coefficients, of 2 degrees of freedom; and of a change of the
+        spectrum without its level, of bands - 1.
+    """
+    bands = powers.shape[2]
+    ratio = np.empty(bands)
+    for window in range(sizes.size):
+        size = sizes[window]
+        at = end - size
+        a, b, c = inverse(sums[at, 1, 1], sums[at, 1, 2], sums[at, 2, 2])
+        u, v = sums[at, 1, 0], sums[at, 2, 0]
+        x, y = a * u + b * v, b * u + c * v
+        d, e, f = inverse(
+            sums[end, 1, 1] - sums[at, 1, 1], sums[end, 1, 2] - sums[at, 1, 2], sums[end, 2, 2] - sums[at, 2, 2]
+        )
+        u, v = sums[end, 1, 0] - u, sums[end, 2, 0] - v
+        x, y = d * u + e * v - x, e * u + f * v - y
+        a, b, c = inverse(a + d, b + e, c + f)
+        retuned[window] = a * x * x + 2.0 * b * x * y + c * y * y
+        mean_ratio = spread = square = 0.0
+        for band in range(bands):
+            mean = powers[at, 0, band] / at
+            spread += (powers[at, 1, band] / at / (mean * mean) - 1.0) / bands
+            ratio[band] = np.log((powers[end, 0, band] - powers[at, 0, band]) / size / mean)
+            mean_ratio += ratio[band] / bands
+        for band in range(bands):
+            square += (ratio[band] - mean_ratio) ** 2
+        # Errors with heavy tails have powers that vary more than those of Gaussian ones.
+        spread *= ordinates * at / (at - 1)
+        coloured[window] = square * ordinates / (max(spread, 1.0) * (1.0 / at + 1.0 / size))

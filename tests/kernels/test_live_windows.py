@@ -1,0 +1,67 @@
+"""Windows over the newest blocks against linear algebra that is easy to read."""
+
+import numpy as np
+import pytest
+
+from chatter_monitor.kernels import live_windows as kernel
+
+BLOCKS, COLUMNS, BANDS = 20, 7, 24
+SIZES = np.array([2, 5, 12])
+
+
+@pytest.fixture(scope="module")
+def blocks():
+    """Products of seven correlated columns of noise in each of twenty blocks, and powers of errors."""
+    rng = np.random.default_rng(3)
+    mix = rng.standard_normal((COLUMNS, COLUMNS))
+    rows = rng.standard_normal((BLOCKS, 100, COLUMNS)) @ mix
+    return np.swapaxes(rows, 1, 2) @ rows, rng.exponential(size=(BLOCKS, BANDS))
+
+
+def summed(values):
+    """Sums up to each block, none first."""
+    return np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
+
+
+def test_what_is_always_in_is_taken_out_of_the_newest_blocks(blocks):
+    """The rest is that of a least-squares fit of the columns that are always in, over the blocks of each window."""
+    products, _ = blocks
+    out = np.empty((SIZES.size, COLUMNS, COLUMNS))
+    kernel.newest(summed(products), BLOCKS, SIZES, 1e-8, 0.0, 3, out)
+    others = np.array([0, 4, 5, 6])
+    for size, found in zip(SIZES, out, strict=True):
+        total = products[-size:].sum(axis=0)
+        inner = total[1:4][:, others]
+        expected = total[np.ix_(others, others)] - inner.T @ np.linalg.solve(total[1:4, 1:4], inner)
+        np.testing.assert_allclose(found[np.ix_(others, others)], expected, rtol=1e-9)
+
+
+def test_a_column_that_is_next_to_nothing_now_is_zero(blocks):
+    """What rounding has left of a column that was large before is not taken for a signature."""
+    products = blocks[0].copy()
+    products[2:, 5], products[2:, :, 5] = 0.0, 0.0
+    out = np.empty((1, COLUMNS, COLUMNS))
+    kernel.newest(summed(products), BLOCKS, np.array([4]), 1e-8, 1e-9, 3, out)
+    assert abs(out[0, 0, 5]) < 1e-290
+    assert abs(out[0, 4, 5]) < 1e-290
+
+
+def test_a_change_is_measured_as_by_hand(blocks):
+    """Both statistics are those of the formulas: of two fits' difference, and of log ratios of mean powers."""
+    products, powers = blocks
+    retuned, coloured = np.empty((2, SIZES.size))
+    sums = summed(products), summed(np.stack([powers, powers**2], axis=1))
+    kernel.changed(*sums, BLOCKS, SIZES, 5.0, retuned, coloured)
+    for i, size in enumerate(SIZES):
+        at = BLOCKS - size
+        fits = []
+        for part in (products[:at].sum(axis=0), products[at:].sum(axis=0)):
+            covariance = np.linalg.inv(part[1:3, 1:3])
+            fits.append((covariance @ part[1:3, 0], covariance))
+        change, covariance = fits[1][0] - fits[0][0], fits[0][1] + fits[1][1]
+        assert retuned[i] == pytest.approx(change @ np.linalg.solve(covariance, change))
+        mean = powers[:at].mean(axis=0)
+        ratio = np.log(powers[at:].mean(axis=0) / mean)
+        varies = np.mean((powers[:at] ** 2).mean(axis=0) / mean**2 - 1.0) * 5.0 * at / (at - 1)
+        expected = np.sum((ratio - ratio.mean()) ** 2) * 5.0 / (max(varies, 1.0) * (1.0 / at + 1.0 / size))
+        assert coloured[i] == pytest.approx(expected)
