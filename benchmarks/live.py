@@ -195,6 +195,8 @@ def quiet_of(what: tuple[int, float]) -> list[str]:
                 at_s = 60.0 * minute + at / RATE_HZ
                 said.append(f"{at_s:.0f} s: {now}, {found.evidence_nats:.0f} nats, {found.parameters}")
             last = now
+        if minute % 60 == 59:
+            print(f"seed {seed}, {quantity}: {(minute + 1) / 60:g} h, {len(said)} false mismatches", flush=True)
     return said
 
 

@@ -7,11 +7,16 @@ from functools import cache
 import numpy as np
 import pytest
 
+from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.live.decimate import Decimator
 from chatter_monitor.discrepancy.live.found import Found
+from chatter_monitor.discrepancy.live.refit import refit
 from chatter_monitor.discrepancy.live.watch import Watch
+from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.physics.model import MachiningSystem
-from chatter_monitor.physics.parts import Mode, Sensor
+from chatter_monitor.physics.parts import AppliedTerm, Mode, Sensor, Spindle
+from chatter_monitor.physics.simulate import simulate
+from chatter_monitor.physics.terms import CATALOGUE
 from tests.discrepancy.machine import Machine, record
 
 RATE_HZ = 12800.0
@@ -113,3 +118,16 @@ def test_a_sensor_of_the_acceleration_does_not_feel_a_constant_force():
     answers = said(record(Machine(effect="none", seconds=24.0, quantity="acceleration"), 7), model)
     assert {found.outcome for _, found in answers} == {"none"}
     assert answers[-1][0] > 23.0
+
+
+def test_a_narrow_peak_is_not_smeared():
+    """Regeneration near its limit narrows a peak; that does not read as another damping."""
+    mode = Mode(506.0, 0.0107)
+    delay = AppliedTerm(CATALOGUE["regenerative_delay"], {"coefficient": 0.0177})
+    system = MachiningSystem((mode,), (delay,), spindle=Spindle(1558.0), sensor=Sensor("displacement", noise_rms=0.02))
+    decimator = Decimator(RATE_HZ, mode.frequency_hz)
+    samples, missing = decimator.take(simulate(system, 12.0, 2, settle_s=1.0).signal)
+    given = Linear(system.modes, "displacement", 1e-3, 20.0, system.spindle, None, system.spindle.delay_s, 0.0177)
+    result = next(each for each in refit(Recorded(samples, missing, decimator.rate_hz), given, ()) if each is not None)
+    assert result.retuned_p > 1e-3
+    assert result.fitted.linear.modes[0].damping_ratio == pytest.approx(0.0107, rel=0.1)

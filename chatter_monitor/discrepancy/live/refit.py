@@ -20,8 +20,9 @@ from chatter_monitor.discrepancy.spectrum import Periodogram, SpectralFit, fit, 
 from chatter_monitor.physics.parts import AppliedTerm, Mode
 from chatter_monitor.physics.terms import CATALOGUE
 
-MOST_BINS = 600
-_WIDTH = 0.15  # of the bins, over half the bandwidth of the narrowest mode
+COARSE_BINS = 600  # over the band, away from the modes
+_WIDTH = 0.15  # of the bins about the modes, over half the bandwidth of the narrowest
+_ABOUT = 10.0  # half bandwidths to either side of a mode that are about it
 _SPEED_ERROR = 0.06  # of a configured speed
 _SEPARATE = 4.0  # half bandwidths between two modes
 _WHITENED_S = 8.0  # of the signal, for the whitening filter
@@ -72,8 +73,7 @@ def refit(recorded: Recorded, given: Linear, terms: tuple[AppliedTerm, ...]) -> 
     terms : tuple of AppliedTerm
         Forces of the model but its regeneration.
     """
-    narrowest = min(mode.frequency_hz * mode.damping_ratio for mode in given.modes)
-    spectrum = periodogram(recorded, max(_WIDTH * narrowest, 0.5 * recorded.rate_hz / MOST_BINS))
+    spectrum = _spectrum(recorded, given)
     yield None
     as_given = fit(spectrum, given, fixed_modes=True)
     yield None
@@ -105,6 +105,24 @@ def refit(recorded: Recorded, given: Linear, terms: tuple[AppliedTerm, ...]) -> 
     innovations = Innovations(part, linear, known)
     omission, gain_nats = leader[:2] if leader else (None, 0.0)
     yield Refit(innovations, fitted, p, retuned_nats, omission, gain_nats, runner_up, scales(innovations.motion)[0])
+
+
+def _spectrum(recorded: Recorded, given: Linear) -> Periodogram:
+    """Periodogram with narrow bins about the modes, where wide ones would smear the peaks, and wide ones elsewhere."""
+    half_widths = [mode.frequency_hz * mode.damping_ratio for mode in given.modes]
+    width_hz = _WIDTH * min(half_widths)
+    fine = periodogram(recorded, width_hz)
+    together = round(0.5 * recorded.rate_hz / COARSE_BINS / width_hz)
+    if together < 2:
+        return fine
+    about = np.zeros(fine.count.size, dtype=bool)
+    for mode, half_width in zip(given.modes, half_widths, strict=True):
+        about |= abs(fine.frequency_hz - mode.frequency_hz) < _ABOUT * half_width
+    first = np.arange(fine.count.size) % together == 0
+    begins = np.flatnonzero(first | about | np.append(False, about[:-1]))
+    count = np.add.reduceat(fine.count, begins)
+    frequency, density = (np.add.reduceat(x * fine.count, begins) / count for x in (fine.frequency_hz, fine.density))
+    return Periodogram(frequency, density, count, fine.nyquist_hz)
 
 
 def _starts(spectrum: Periodogram, given: Linear) -> list[Linear]:
