@@ -28,7 +28,7 @@ from chatter_monitor.physics.parts import AppliedTerm, Excitation
 Vector = NDArray[np.float64]
 
 STEPS = 16
-_SETTLED_NATS = 0.05
+_SETTLED_NATS = 0.2
 _DAMPINGS = (0.0, 0.1, 1.0, 10.0, 100.0)  # of a step (Levenberg and Marquardt), until it leads down
 _HOPE = 3.0  # times what the next step promises: as much a model may still gain
 _LARGEST_STEP = 0.5  # relative, of a shape

@@ -34,6 +34,7 @@ BEFORE, AFTER, SEEN, AHEAD = 0, len(NODES), 2 * len(NODES), 2 * len(NODES) + 1
 _MEDIANS = ((0.266, 2.054), (0.824, 1.405))
 _SHARES = ((0.42, 0.08), (0.34, 0.16))
 _FEW = 64  # even: the state is where it was after so many steps
+_NOTHING = 1e-100  # what has died away so far is taken for 0: numbers near the smallest cost a hundred times as much
 
 
 class Observer(NamedTuple):
@@ -87,10 +88,10 @@ def delayed(x, now, delay):
 def averaged(address, jumps, x, v, lagged, angle, omega, z, parameters, spread, turn_of):
     """Force averaged over what is not known of the tool's state.
 
-    A force that jumps does so in the velocity, the first column of the spread; for any other each column in turn
-    gives two cubature points.
+    A force that jumps does so where the velocity, the first column of the spread, is 0. Anywhere else each column in
+    turn gives two cubature points.
     """
-    if jumps:
+    if jumps and abs(v) < _MEDIANS[0][1] * abs(spread[1, 0]):
         force = 0.0
         for i in range(2):
             dx, dv = _MEDIANS[turn_of][i] * spread[0, 0], _MEDIANS[turn_of][i] * spread[1, 0]
@@ -98,7 +99,9 @@ def averaged(address, jumps, x, v, lagged, angle, omega, z, parameters, spread, 
             both += call_force(address, x - dx, v - dv, lagged, angle, omega, z, parameters)
             force += _SHARES[turn_of][i] * both
         return force
-    dx, dv = 1.4142135623730951 * spread[0, turn_of], 1.4142135623730951 * spread[1, turn_of]
+    far = 1.0 if jumps else 1.4142135623730951
+    column = 0 if jumps else turn_of
+    dx, dv = far * spread[0, column], far * spread[1, column]
     force = call_force(address, x + dx, v + dv, lagged, angle, omega, z, parameters)
     return 0.5 * (force + call_force(address, x - dx, v - dv, lagged, angle, omega, z, parameters))
 
@@ -375,6 +378,10 @@ def signatures(observer, force, missing, taps, out):
                 begins[k, c] = force[c, 0, first + k]
                 ends[k, c] = force[c, 1, first + k]
         respond(observer, begins[:few], ends[:few], lost, first == 0, state, ended, news, seen, raw[before:])
+        for i in range(observer.gain.size):
+            for c in range(m):
+                if abs(state[0, i, c]) < _NOTHING:
+                    state[0, i, c] = 0.0
         filtered(raw, taps, answer)
         for c in range(m):
             for k in range(few):
