@@ -38,6 +38,7 @@ LINE = np.dtype(
         ("long_rise", float),
         ("absolute_rise", float),
         ("coherence", float),
+        ("level", float),
         ("damping_ratio", float),
         ("order_odds", float),
     ]
@@ -83,13 +84,22 @@ PRIOR = Kinds(noise=0.98, growing=2e-4, saturated=2e-4, steady=0.0196)
 
 
 class Likeness(NamedTuple):
-    """Logarithm of the likelihood of a frame under growth, and under a calm coherent line, over that under noise."""
+    """Logarithm of the likelihood of a frame over that under noise.
+
+    Attributes
+    ----------
+    growth, calm : float
+        Under growth, and under a calm coherent line.
+    saturated : float
+        Under what has grown and is limited: calm, mostly.
+    """
 
     growth: float
     calm: float
+    saturated: float
 
 
-NOTHING = Likeness(-CONVINCING, -CONVINCING)
+NOTHING = Likeness(-CONVINCING, -CONVINCING, -CONVINCING)
 
 
 @njit(**OPTIONS)
@@ -140,7 +150,8 @@ def likeness(line, weights):
     for i in range(MEASURES):
         growth += weights[0, i] * x[i]
         calm += weights[1, i] * x[i]
-    return Likeness(_bounded(growth + weights[0, MEASURES]), _bounded(calm + weights[1, MEASURES]))
+    calm = _bounded(calm + weights[1, MEASURES])
+    return Likeness(_bounded(growth + weights[0, MEASURES]), calm, calm)
 
 
 @njit(**OPTIONS)
@@ -167,12 +178,11 @@ def follow(before, seen, chain, again):
     saturated += grown - ended_saturated + (begun_calm if again else 0.0)
     steady -= ended_steady + begun_when_steady - (0.0 if again else begun_calm)
 
-    most = max(0.0, seen.growth, seen.calm)
-    calm = math.exp(chain.evidence * (seen.calm - most))
+    most = max(0.0, seen.growth, seen.calm, seen.saturated)
     noise *= math.exp(-chain.evidence * most)
     growing *= math.exp(chain.evidence * (seen.growth - most))
-    saturated *= calm
-    steady *= calm
+    saturated *= math.exp(chain.evidence * (seen.saturated - most))
+    steady *= math.exp(chain.evidence * (seen.calm - most))
     total = noise + growing + saturated + steady
     return Kinds(noise / total, growing / total, saturated / total, steady / total)
 
