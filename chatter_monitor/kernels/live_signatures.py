@@ -48,6 +48,7 @@ class Along(NamedTuple):
     errors: np.ndarray  # (FEW,)
     motion: Motion
     nodes: np.ndarray  # (2, 2, 4, NODES * FEW): as `place` fills each
+    lagged_v: np.ndarray  # (2, FEW) velocity one delay ago, beside the displacement in `motion`
     memory: np.ndarray  # (2, FEW) of a term, at the sample and as predicted for the next
     between: np.ndarray  # (2, NODES * FEW) memory at the nodes: none, and that of a term
     along: np.ndarray  # (NODES * FEW,) force at the nodes
@@ -74,7 +75,7 @@ class Response(NamedTuple):
 
 
 class Answers(NamedTuple):
-    """Rows of `lanes` columns, one after the other: none for the errors, then 3 + c forces and their signatures.
+    """Rows of `lanes` columns, one after the other: none for the errors, then forces and their signatures.
 
     What went before comes first.
     """
@@ -150,7 +151,7 @@ def remembered(rate, p, x0, v0, x1, v1, lagged, angle, omega, z, step_s):
 
 
 @njit(**OPTIONS)
-def predict(observer, known, y, missing, first, path, errors, motion):
+def predict(observer, known, y, missing, first, path, along):
     """Predict FEW samples, each from those before.
 
     Parameters
@@ -165,11 +166,10 @@ def predict(observer, known, y, missing, first, path, errors, motion):
         Samples since the spindle's angle was 0.
     path : Path
         Carried on.
-    errors : ndarray of float64, shape (FEW,)
-        Filled with the prediction errors.
-    motion : Motion
-        Filled.
+    along : Along
+        Its errors and motion are filled.
     """
+    errors, motion = along.errors, along.motion
     order, count, size = observer.gain.size, known.forces.size, path.past.size
     state, ahead = path.state, path.ahead
     feels = observer.feed != 0.0
@@ -241,6 +241,10 @@ def predict(observer, known, y, missing, first, path, errors, motion):
             vp += observer.tool[1, i] * state[i]
         motion.x[0, k], motion.v[0, k], motion.lagged[0, k] = x, v, lagged
         motion.x[1, k], motion.v[1, k], motion.lagged[1, k] = xp, vp, lagged_next
+        for row in range(2):
+            sooner, later = observer.delay - 0.5, observer.delay + 0.5
+            moved = delayed(path.past, at + row, sooner) - delayed(path.past, at + row, later)
+            along.lagged_v[row, k] = moved / step
 
 
 @njit(**OPTIONS)
@@ -339,8 +343,10 @@ def put(row, lanes, column, values):
 
 
 @njit(**OPTIONS)
-def forces_of(observer, tried, first, lanes, path, along, begins, ends):
-    """Unit spring, unit damper, 1, and the forces tried, along FEW samples: into columns 1, 2, 3, ...
+def forces_of(observer, tried, linear, first, lanes, path, along, begins, ends):
+    """Displacement, velocity, both one delay ago, and the forces tried, along FEW samples: into columns 1, 2, 3, ...
+
+    Of the first four, `linear` are wanted.
 
     As straight lines over the step that follows each sample; for a sensor that feels the force, at the sample as known,
     and at the next one as predicted.
@@ -352,8 +358,9 @@ def forces_of(observer, tried, first, lanes, path, along, begins, ends):
         columns = begins if row == 0 else ends
         put(columns, lanes, 1, motion.x[row])
         put(columns, lanes, 2, motion.v[row])
-        along.force[row, :] = 1.0
-        put(columns, lanes, 3, along.force[row])
+        if linear > 2:
+            put(columns, lanes, 3, motion.lagged[row])
+            put(columns, lanes, 4, along.lagged_v[row])
     for j in range(tried.rows.size):
         substeps, remembers = tried.substeps[j], tried.rates[j] != 0
         between = along.between[1 if remembers else 0]
@@ -370,8 +377,8 @@ def forces_of(observer, tried, first, lanes, path, along, begins, ends):
                 as_means(substeps, along.along, along.force[row])
         if not feels:
             as_lines(substeps, along.along, along.force)
-        put(begins, lanes, 4 + j, along.force[0])
-        put(ends, lanes, 4 + j, along.force[1])
+        put(begins, lanes, 1 + linear + j, along.force[0])
+        put(ends, lanes, 1 + linear + j, along.force[1])
     path.last[0], path.last[1] = motion.x[0, FEW - 1], motion.v[0, FEW - 1]
 
 
@@ -422,7 +429,7 @@ def whiten(taps, lanes, raw, white):
 
 
 @njit(cache=True, nogil=True)
-def watch(observer, known, tried, response, y, missing, first, path, along, answers, white):
+def watch(observer, known, tried, linear, response, y, missing, first, path, along, answers, white):
     """Whitened prediction errors of the next samples, and whitened signatures beside them.
 
     Parameters
@@ -432,6 +439,8 @@ def watch(observer, known, tried, response, y, missing, first, path, along, answ
         Forces of the model.
     tried : Tried
         At least one.
+    linear : int
+        2, or 4 where the machine has a delay.
     response : Response
         Of the observer; a multiple of four of its taps follow the first.
     y : ndarray of float64, shape (n,)
@@ -445,18 +454,19 @@ def watch(observer, known, tried, response, y, missing, first, path, along, answ
     along : Along
         Scratch.
     white : ndarray of float, shape (n, lanes)
-        Filled with errors (column 0) and signatures: of a unit spring, a unit damper, 1, and what is tried.
+        Filled with errors (column 0) and signatures: of displacement and velocity as forces, of the same one delay ago
+        if `linear` is 4, and of what is tried.
     """
     lanes = white.shape[1]
     few = FEW * lanes
     for at in range(0, y.size, FEW):
         part = slice(at, at + FEW)
-        predict(observer, known, y[part], missing[part], first + at, path, along.errors, along.motion)
+        predict(observer, known, y[part], missing[part], first + at, path, along)
         carry(answers.ends, few)
         carry(answers.raw, few)
         for n in range(response.output.size):
             carry(answers.states[n], few)
-        forces_of(observer, tried, first + at, lanes, path, along, answers.begins, answers.ends[lanes:])
+        forces_of(observer, tried, linear, first + at, lanes, path, along, answers.begins, answers.ends[lanes:])
         respond(response, lanes, answers)
         put(answers.raw[answers.raw.size - few :], lanes, 0, along.errors)
         whiten(response.taps, lanes, answers.raw, white[part].reshape(few))

@@ -50,47 +50,54 @@ def newest(sums, end, sizes, lost, ridge, always, out):
 
 
 @njit(**OPTIONS)
-def inverse(a, b, c):
-    """Of a symmetric 2 x 2 matrix: its upper triangle."""
-    determinant = a * c - b * b
-    return c / determinant, -b / determinant, a / determinant
+def explained(total, earlier, first, count, work):
+    """Sum of squares of the errors that some columns explain, in what has come since an earlier sum."""
+    for i in range(count + 1):
+        row = i + first - 1 if i else 0
+        for j in range(count + 1):
+            column = j + first - 1 if j else 0
+            work[i, j] = total[row, column] - earlier[row, column]
+    whole = work[0, 0]
+    for pivot in range(1, count + 1):
+        for i in range(count + 1):
+            if i == 0 or i > pivot:
+                factor = work[i, pivot] / work[pivot, pivot]
+                for j in range(count + 1):
+                    work[i, j] -= factor * work[pivot, j]
+    return whole - work[0, 0]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def changed(sums, powers, end, sizes, ordinates, retuned, coloured):
+def changed(sums, powers, end, sizes, first, count, ordinates, retuned, coloured):
     """By how much the newest blocks differ from all those before them.
 
     Parameters
     ----------
     sums : ndarray of float64, shape (b, c, c)
-        Products, summed over all blocks up to each: of errors, two columns, and others.
+        Products of errors and columns, summed over all blocks up to each; none come first.
     powers : ndarray of float64, shape (b, 2, bands)
         Powers of the errors in bands, and their squares, summed likewise.
     end : int
         The newest block.
     sizes : ndarray of int64, shape (w,)
         How many blocks are new.
+    first, count : int
+        Columns whose coefficients may have changed.
     ordinates : float
         Of the periodogram in each band of a block.
     retuned, coloured : ndarray of float64, shape (w,)
-        Filled: chi-squared of a change of the two coefficients, of 2 degrees of freedom; and of a change of the
+        Filled: chi-squared of a change of the coefficients, of `count` degrees of freedom; and of a change of the
         spectrum without its level, of bands - 1.
     """
     bands = powers.shape[2]
-    ratio = np.empty(bands)
+    ratio, work = np.empty(bands), np.empty((count + 1, count + 1))
+    whole = explained(sums[end], sums[0], first, count, work)
     for window in range(sizes.size):
         size = sizes[window]
         at = end - size
-        a, b, c = inverse(sums[at, 1, 1], sums[at, 1, 2], sums[at, 2, 2])
-        u, v = sums[at, 1, 0], sums[at, 2, 0]
-        x, y = a * u + b * v, b * u + c * v
-        d, e, f = inverse(
-            sums[end, 1, 1] - sums[at, 1, 1], sums[end, 1, 2] - sums[at, 1, 2], sums[end, 2, 2] - sums[at, 2, 2]
-        )
-        u, v = sums[end, 1, 0] - u, sums[end, 2, 0] - v
-        x, y = d * u + e * v - x, e * u + f * v - y
-        a, b, c = inverse(a + d, b + e, c + f)
-        retuned[window] = a * x * x + 2.0 * b * x * y + c * y * y
+        # Coefficients of their own for either part explain more than common ones do.
+        apart = explained(sums[at], sums[0], first, count, work) + explained(sums[end], sums[at], first, count, work)
+        retuned[window] = apart - whole
         mean_ratio = spread = square = 0.0
         for band in range(bands):
             mean = powers[at, 0, band] / at

@@ -51,13 +51,13 @@ def test_a_change_is_measured_as_by_hand(blocks):
     products, powers = blocks
     retuned, coloured = np.empty((2, SIZES.size))
     sums = summed(products), summed(np.stack([powers, powers**2], axis=1))
-    kernel.changed(*sums, BLOCKS, SIZES, 5.0, retuned, coloured)
+    kernel.changed(*sums, BLOCKS, SIZES, 2, 3, 5.0, retuned, coloured)
     for i, size in enumerate(SIZES):
         at = BLOCKS - size
         fits = []
         for part in (products[:at].sum(axis=0), products[at:].sum(axis=0)):
-            covariance = np.linalg.inv(part[1:3, 1:3])
-            fits.append((covariance @ part[1:3, 0], covariance))
+            covariance = np.linalg.inv(part[2:5, 2:5])
+            fits.append((covariance @ part[2:5, 0], covariance))
         change, covariance = fits[1][0] - fits[0][0], fits[0][1] + fits[1][1]
         assert retuned[i] == pytest.approx(change @ np.linalg.solve(covariance, change))
         mean = powers[:at].mean(axis=0)

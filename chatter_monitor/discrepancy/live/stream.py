@@ -19,7 +19,6 @@ from chatter_monitor.physics.parts import AppliedTerm
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-NUISANCE = 3  # first columns: a spring, a damper, a constant force
 ORDER = 12  # of the whitening filter
 _SETTLING = 4  # memories of the filter after which its errors and their signatures are used
 
@@ -34,6 +33,10 @@ class Stream:
     tried : sequence of (Candidate, int)
         Forces to watch for: the unit of one coefficient each.
 
+    Attributes
+    ----------
+    linear : int
+        Columns after the errors that stand for displacement and velocity, and with a delay for those before it.
     """
 
     def __init__(self, base: Innovations, tried: Sequence[tuple[Candidate, int]]) -> None:
@@ -41,7 +44,8 @@ class Stream:
         self._known = known_forces(base.terms)
         self._tried = tried_forces([_unit(candidate, i) for candidate, i in tried])
         self._response = response_of(base.observer, whitener(base.errors, base.used, ORDER))
-        self._used = 1 + NUISANCE + len(tried)
+        self.linear = 4 if any(applied.term.delayed for applied in base.terms) else 2
+        self._used = 1 + self.linear + len(tried)
         self._lanes = -(-self._used // kernel.LANES) * kernel.LANES
         self._along = scratch()
         self.settling = _SETTLING * base.memory() + ORDER
@@ -58,7 +62,7 @@ class Stream:
         return np.zeros((samples, self._lanes))
 
     def columns(self, rows: Matrix) -> Matrix:
-        """Errors, nuisance and what is tried, shape (samples, 1 + NUISANCE + c)."""
+        """Errors, and signatures of what is linear and what is tried, shape (samples, 1 + linear + c)."""
         return rows[:, : self._used]
 
     def take(self, first: int, samples: Vector, missing: NDArray[np.bool_], rows: Matrix) -> bool:
@@ -77,8 +81,8 @@ class Stream:
             self.restart()
             return False
         kernel.watch(
-            self._observer, self._known, self._tried, self._response, samples, missing, first, self._path, self._along,
-            self._answers, rows,
+            self._observer, self._known, self._tried, self.linear, self._response, samples, missing, first,
+            self._path, self._along, self._answers, rows,
         )  # fmt: skip
         self._since += CHUNK
         if self._since <= self.settling // 2:  # a force along a motion that is not known yet is none
@@ -115,13 +119,13 @@ def scratch() -> kernel.Along:
     """Room for the motion over some samples, and for forces along it."""
     few, nodes = kernel.FEW, kernel.NODES * kernel.FEW
     motion = Motion(*(np.zeros((2, few)) for _ in range(3)))
-    rows = np.zeros((2, 2, 4, nodes)), np.zeros((2, few)), np.zeros((2, nodes)), np.zeros(nodes)
+    rows = np.zeros((2, 2, 4, nodes)), np.zeros((2, few)), np.zeros((2, few)), np.zeros((2, nodes)), np.zeros(nodes)
     return kernel.Along(np.zeros(few), motion, *rows, np.zeros((2, few)))
 
 
 def at_rest(observer: Observer, known: Forces, tried: kernel.Tried) -> kernel.Path:
     """What an observer begins with."""
-    order, past = observer.gain.size, int(np.ceil(observer.delay)) + 3 + kernel.FEW
+    order, past = observer.gain.size, int(np.ceil(observer.delay)) + 4 + kernel.FEW
     sizes = order, order, 1, 2, known.forces.size, tried.rows.size, past
     return kernel.Path(*(np.zeros(size) for size in sizes))
 

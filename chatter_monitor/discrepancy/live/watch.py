@@ -21,7 +21,7 @@ from chatter_monitor.discrepancy.live.decimate import CHUNK, Decimator
 from chatter_monitor.discrepancy.live.found import Found, Named, nonlinear, of_force, of_omission, of_parameters
 from chatter_monitor.discrepancy.live.history import History
 from chatter_monitor.discrepancy.live.refit import Refit, refit
-from chatter_monitor.discrepancy.live.stream import NUISANCE, Stream
+from chatter_monitor.discrepancy.live.stream import Stream
 from chatter_monitor.discrepancy.live.windows import Blocks
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.errors import InputError
@@ -189,7 +189,8 @@ class Watch:
         epoch.entries = [(c, [at[c.acts(i)] for i in c.linear]) for c in tried]
         epoch.refit, epoch.stream = result, Stream(base, [*units.values()])
         epoch.position = max(epoch.first, self._history.start)
-        epoch.blocks = Blocks(self._windows[-1], 1 + NUISANCE + len(units), self._block * CHUNK)
+        linear = epoch.stream.linear
+        epoch.blocks = Blocks(self._windows[-1], 1 + linear + len(units), linear, self._block * CHUNK)
         epoch.rows = epoch.stream.rows(self._block * CHUNK)
         epoch.filled, epoch.count, epoch.named = 0, 0, {}
 
@@ -239,7 +240,7 @@ class Watch:
                 epoch.named.pop(len(blocks) - 1, None)
             sizes.append(len(blocks))
         name = favourite.candidate.name if favourite else None
-        for size, rest in zip(sizes, blocks.newest(sizes, NUISANCE), strict=True):
+        for size, rest in zip(sizes, blocks.newest(sizes), strict=True):
             named = nonlinear(rest, entries, name, MARGIN_NATS)
             if named is None:
                 epoch.named.pop(size, None)

@@ -34,6 +34,8 @@ class Blocks:
         How many are kept, at least.
     columns : int
         Errors and signatures.
+    linear : int
+        How many of the signatures stand for the linear machine; they come first.
     samples : int
         In a block.
 
@@ -43,11 +45,11 @@ class Blocks:
         First sample of each.
     """
 
-    def __init__(self, most: int, columns: int, samples: int) -> None:
-        self._most = most
+    def __init__(self, most: int, columns: int, linear: int, samples: int) -> None:
+        self._most, self._linear = most, linear
         self._ordinates = samples // 2 / BANDS
         self._edges = np.linspace(0, samples // 2, BANDS + 1).astype(np.int64)
-        self._products = np.zeros((2 * most + 1, columns, columns))
+        self._products = np.zeros((2 * most + 1, columns + 1, columns + 1))  # of errors, 1, signatures
         self._power = np.zeros((2 * most + 1, 2, BANDS))  # and its square
         self.firsts: list[int] = []
 
@@ -70,20 +72,21 @@ class Blocks:
         at = len(self)
         periodogram = np.abs(np.fft.rfft(errors)[1:]) ** 2 / (errors.size * variance)
         power = np.add.reduceat(periodogram, self._edges[:-1]) / np.diff(self._edges)
-        self._products[at + 1] = self._products[at] + rows.T @ rows / variance
+        self._products[at + 1] = (
+            self._products[at] + _with_offset(rows.T @ rows, rows.sum(axis=0), len(rows)) / variance
+        )
         self._power[at + 1] = self._power[at] + np.stack([power, power**2])
         self.firsts.append(first)
 
-    def newest(self, sizes: Sequence[int], always: int) -> list[Rest]:
-        """What the first columns after the errors leave of the others, over the newest blocks.
+    def newest(self, sizes: Sequence[int]) -> list[Rest]:
+        """What an offset and the linear machine leave of errors and other signatures, over the newest blocks.
 
         Parameters
         ----------
         sizes : sequence of int
             How many are the newest, for each window.
-        always : int
-            How many columns.
         """
+        always = 1 + self._linear
         totals = np.empty((len(sizes), *self._products.shape[1:]))
         kernel.newest(self._products, len(self), np.array(sizes, dtype=np.int64), _LOST, RIDGE, always, totals)
         return [Rest(total[0, always + 1 :], total[always + 1 :, always + 1 :]) for total in totals]
@@ -91,8 +94,7 @@ class Blocks:
     def changed_p(self, sizes: Sequence[int]) -> Vector:
         """How often chance makes the newest blocks differ as much from those before them.
 
-        In the coefficients of the first two columns after the errors, or in the spectrum of the errors without its
-        level.
+        In the coefficients of the linear machine, or in the spectrum of the errors without its level.
 
         Parameters
         ----------
@@ -101,8 +103,21 @@ class Blocks:
         """
         retuned, coloured = np.empty((2, len(sizes)))
         size = np.array(sizes, dtype=np.int64)
-        kernel.changed(self._products, self._power, len(self), size, self._ordinates, retuned, coloured)
-        return np.minimum(1.0, 2.0 * np.minimum(chdtrc(2, retuned), chdtrc(BANDS - 1, coloured)))
+        kernel.changed(
+            self._products, self._power, len(self), size, 2, self._linear, self._ordinates, retuned, coloured
+        )
+        return np.minimum(
+            1.0, 2.0 * np.minimum(chdtrc(self._linear, np.maximum(retuned, 0.0)), chdtrc(BANDS - 1, coloured))
+        )
+
+
+def _with_offset(products: Matrix, sums: Vector, samples: int) -> Matrix:
+    """Products of columns, and of 1 after the first of them: what a constant force or a drift adds to the errors."""
+    at = np.r_[0, 2 : len(sums) + 1]
+    total = np.zeros((len(sums) + 1, len(sums) + 1))
+    total[at[:, None], at] = products
+    total[1, at], total[at, 1], total[1, 1] = sums, sums, samples
+    return total
 
 
 class Rest:
