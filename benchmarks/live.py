@@ -42,6 +42,7 @@ RATE_HZ = 12800.0
 FRAME = 640
 FIRST_REPORTED_SEED = 50
 BEFORE_S, AFTER_S = 20.0, 40.0
+JOIN_S = 4.0
 GROWTH = 1.25  # from one length of a prefix to the next
 
 Signal = NDArray[np.float64]
@@ -100,9 +101,18 @@ def case_of(name: str, seed: int) -> Case:
         case _:
             before = linear(speed_rpm, coefficient, mode)
             after = linear(speed_rpm * float(rng.choice([0.96, 0.97, 1.03, 1.04])), coefficient, mode)
-    runs = ((before, BEFORE_S), (after, AFTER_S))
-    parts = [simulate(system, s, 2 * seed + i, settle_s=1.0).signal for i, (system, s) in enumerate(runs)]
-    return Case(name, seed, np.concatenate(parts), before)
+    first = simulate(before, BEFORE_S, 2 * seed, settle_s=1.0).signal
+    second = simulate(after, AFTER_S + JOIN_S, 2 * seed + 1, settle_s=1.0).signal
+    return Case(name, seed, joined(first, second, frequency_hz), before)
+
+
+def joined(first: Signal, second: Signal, frequency_hz: float) -> Signal:
+    """Two runs, the second from where within JOIN_S it is most nearly as the first one ended: nobody hits a machine."""
+    w = 2.0 * np.pi * frequency_hz / RATE_HZ
+    state = np.stack([second, np.gradient(second) / w])[:, : round(JOIN_S * RATE_HZ)]
+    ended = np.array([first[-1], (first[-1] - first[-2]) / w])
+    at = int(np.argmin(np.sum((state - ended[:, None]) ** 2, axis=0)))
+    return np.concatenate([first, second[at + 1 :][: round(AFTER_S * RATE_HZ)]])
 
 
 def told(signal: Signal, model: MachiningSystem) -> Iterator[tuple[float, Found]]:

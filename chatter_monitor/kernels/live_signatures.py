@@ -400,10 +400,11 @@ def respond(response, lanes, answers):
             row[k] = a * begins[k] + b * ahead[k] + c * before[k]
     for at in range(0, few, LANES):
         for i in range(order):
+            row = states[i, at + lanes : at + lanes + LANES]
             for j in range(order):
-                factor = r.closed[i, j]
+                factor, other = r.closed[i, j], states[j, at : at + LANES]
                 for c in range(LANES):
-                    states[i, lanes + at + c] += factor * states[j, at + c]
+                    row[c] += factor * other[c]
     signature = answers.raw[answers.raw.size - few :]
     for k in range(few):
         signature[k] = r.feed[0] * before[k]

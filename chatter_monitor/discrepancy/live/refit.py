@@ -24,6 +24,7 @@ COARSE_BINS = 600  # over the band, away from the modes
 _WIDTH = 0.15  # of the bins about the modes, over half the bandwidth of the narrowest
 _ABOUT = 10.0  # half bandwidths to either side of a mode that are about it
 _SPEED_ERROR = 0.06  # of a configured speed
+_AT_ONCE = 3  # speeds that are tried in one step of work: fits of two parameters and the colour
 _SEPARATE = 4.0  # half bandwidths between two modes
 _WHITENED_S = 8.0  # of the signal, for the whitening filter
 _PARAMETERS = {"second_mode": 3, "regenerative_delay": 2, "spindle_speed": 1}
@@ -83,7 +84,17 @@ def refit(recorded: Recorded, given: Linear, terms: tuple[AppliedTerm, ...]) -> 
         yield None
     base = min(fits, key=lambda each: each.nll)
     found: list[tuple[str, float, SpectralFit]] = []
-    for name, start in _omissions(spectrum, base, given):
+    starts = [*_omissions(spectrum, base, given)]
+    if given.delay_s is not None:
+        # The same machine at another speed: its modes are kept until the speed is found.
+        speeds = []
+        for start in _other_speeds(as_given.linear, given):
+            speeds.append(fit(spectrum, start, fixed_modes=True))
+            if len(speeds) % _AT_ONCE == 0:
+                yield None
+        found_s = min(speeds, key=lambda each: each.nll).linear.delay_s
+        starts.append(("spindle_speed", replace(base.linear, delay_s=found_s)))
+    for name, start in starts:
         trial = fit(spectrum, start)
         gain = base.nll - trial.nll - 0.5 * _PARAMETERS[name] * 2.0
         if _plausible(name, trial, base, spectrum):
@@ -145,17 +156,23 @@ def _omissions(spectrum: Periodogram, base: SpectralFit, given: Linear) -> Itera
         if away.any():
             at = float(spectrum.frequency_hz[away][np.argmax(ndimage.uniform_filter1d(base.ratio, bins)[away])])
             yield "second_mode", replace(linear, modes=(*linear.modes, Mode(at, main.damping_ratio, 0.5)))
+    if given.spindle is not None and given.delay_s is None:
+        nominal = given.spindle.delay_s
+        yield "regenerative_delay", replace(linear, delay_s=nominal, regeneration=0.0)
+        for start in _other_speeds(linear, given):
+            yield "regenerative_delay", replace(start, regeneration=0.0)
+
+
+def _other_speeds(linear: Linear, given: Linear) -> Iterator[Linear]:
+    """A machine at speeds about the given one, on a grid."""
     if given.spindle is None:
         return
     nominal = given.spindle.delay_s
     # The comb has teeth 1 / tau apart: between two speeds of the grid it moves by a tenth of a period of the mode.
-    step = max(0.1 / (main.frequency_hz * nominal), 2.0 * _SPEED_ERROR / 40)
+    step = max(0.1 / (linear.modes[0].frequency_hz * nominal), 2.0 * _SPEED_ERROR / 40)
     shifts = np.arange(step, _SPEED_ERROR, step)
-    for shift in [*-shifts[::-1], 0.0, *shifts]:
-        if given.delay_s is None:
-            yield "regenerative_delay", replace(linear, delay_s=nominal * (1.0 + shift), regeneration=0.0)
-        elif shift:
-            yield "spindle_speed", replace(linear, delay_s=nominal * (1.0 + shift))
+    for shift in [*-shifts[::-1], *shifts]:
+        yield replace(linear, delay_s=float(nominal * (1.0 + shift)))
 
 
 def _plausible(name: str, trial: SpectralFit, base: SpectralFit, spectrum: Periodogram) -> bool:
