@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -22,9 +21,9 @@ from chatter_monitor.discrepancy.findings import (
     of_local,
     of_omission,
     of_term,
-    of_tone,
     plain,
     strongest,
+    tones_of,
 )
 from chatter_monitor.discrepancy.innovations import Diverged
 from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
@@ -40,6 +39,7 @@ REST_SHARE = 0.2  # of a named term's held-out gain that an unnamed static force
 REST_NATS = 6.0
 RIVALS = 3  # fitted fully
 RIVAL_NATS, RIVAL_SHARE = 6.0, 0.05  # how near to the leader's evidence, for that
+_FEIGNED = ("second_mode", "coloured_excitation")  # by the noise of another machine
 _STATIC = ("phase_plane", "displacement", "velocity", "amplitude")  # maps of what has no memory
 
 
@@ -93,10 +93,8 @@ def conclude(case: Case) -> Diagnosis:
     if case.whole.missing.any():
         warnings.append(f"{np.mean(case.whole.missing):.1%} of the samples are missing, silent or clipped.")
     strange: list[str] = []
-    tones = [of_tone(case, tone) for tone in case.tones]
-    findings += strongest([each for each in tones if each is not None])
-    if any(each is None for each in tones):
-        strange.append("a tone that belongs neither to the spindle nor to the mains")
+    tones, foreign = tones_of(case)
+    findings += strongest(tones)
     leaves_cut = any(scored.candidate.term.chip_thickness for scored in case.named)
     omissions = case.base.omissions
     if case.offset_p < SURE:
@@ -140,6 +138,12 @@ def conclude(case: Case) -> Diagnosis:
     maps = {each.name: each for each in case.rest_maps}
     if case.drift is not None and not any(f.name in ("nonstationary_excitation", "impacts") for f in findings):
         findings.append(plain("parameter_drift", None, {}, 0.5 * case.drift.value, case.drift.p_value))
+    # Another machine's tones were taken out before anything was fitted. Its noise is still there, and has a colour.
+    if foreign and findings and not any(finding.name in _FEIGNED for finding in findings):
+        listed = ", ".join(f"{frequency:.4g}" for frequency in foreign)
+        warnings.append(f"Tones that belong neither to the spindle nor to the mains were left out: {listed} Hz.")
+    elif foreign:
+        strange.append("a tone that belongs neither to the spindle nor to the mains")
     strange += _unexplained(case, maps, bool(findings))
     verdict: Verdict
     if strange:
@@ -210,14 +214,10 @@ def _further(case: Case, first: Scored, augmented: Augmented) -> list[Scored]:
 
 def _retuned(linear: Linear, scored: Scored) -> Linear:
     """Without the stiffness and the damping that the base has in place of a term."""
-    mode = linear.modes[0]
     if len(linear.modes) > 1 or scored.candidate.term.chip_thickness:
         return linear
-    stiffer, damped = scored.fit.all_coefficients[:2]
-    omega = math.sqrt(max(mode.omega**2 + float(stiffer), 0.25 * mode.omega**2))
-    ratio = (2.0 * mode.damping_ratio * mode.omega + float(damped)) / (2.0 * omega)
-    mode = replace(mode, frequency_hz=omega / (2.0 * math.pi), damping_ratio=max(ratio, 0.1 * mode.damping_ratio))
-    return linear.retuned(mode)
+    spring, damper = scored.fit.all_coefficients[:2]
+    return linear.beside(float(spring), float(damper))
 
 
 def _applied(case: Case, scored: Scored) -> AppliedTerm:

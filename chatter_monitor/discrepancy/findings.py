@@ -92,6 +92,20 @@ def of_tone(case: Case, tone: Line) -> Finding | None:
     return None
 
 
+def tones_of(case: Case) -> tuple[list[Finding], list[float]]:
+    """Lines that are mains hum or a force of the spindle; frequencies of the others, and of their multiples."""
+    found = [(tone.frequency_hz, of_tone(case, tone)) for tone in case.tones]
+    foreign = [frequency for frequency, finding in found if finding is None]
+    width = 1.5 / case.recorded.seconds
+
+    def harmonic(frequency: float) -> bool:
+        orders = [(round(frequency / base), base) for base in foreign]
+        return any(order > 1 and abs(frequency - order * base) < width for order, base in orders)
+
+    findings = [finding for frequency, finding in found if finding is not None and not harmonic(frequency)]
+    return findings, sorted(f for f, finding in found if finding is None or harmonic(f))
+
+
 def strongest(tones: Sequence[Finding]) -> list[Finding]:
     """One finding for all lines of a kind, the strongest."""
     best: dict[str, Finding] = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,6 +54,13 @@ class Linear:
         """
         noise = self.noise * mode.damping_ratio / self.modes[0].damping_ratio
         return replace(self, modes=(mode, *self.modes[1:]), noise=noise)
+
+    def beside(self, spring: float, damper: float) -> Linear:
+        """With a spring and a damper more, per unit mass; negative ones are those that it had in place of a term."""
+        mode = self.modes[0]
+        omega = math.sqrt(max(mode.omega**2 + spring, 0.25 * mode.omega**2))
+        ratio = max((2.0 * mode.damping_ratio * mode.omega + damper) / (2.0 * omega), 0.1 * mode.damping_ratio)
+        return self.retuned(replace(mode, frequency_hz=omega / (2.0 * math.pi), damping_ratio=ratio))
 
 
 def observer(linear: Linear, rate_hz: float) -> Observer:

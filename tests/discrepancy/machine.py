@@ -115,7 +115,8 @@ def _run(effect, c, w, zeta, kick, pushes, dt, lag, begin, end, above):
     return xs, vs, acc
 
 
-def _states(machine: Machine, c: float, seed: int) -> tuple[NDArray[np.float64], ...]:
+def states(machine: Machine, c: float, seed: int) -> tuple[NDArray[np.float64], ...]:
+    """Displacement, velocity and acceleration at `OVERSAMPLING` times the rate, with that coefficient of the force."""
     rng = np.random.default_rng(seed)
     w = 2.0 * np.pi * machine.frequency_hz
     dt = 1.0 / machine.rate_hz / OVERSAMPLING
@@ -138,7 +139,7 @@ def coefficient(machine: Machine) -> float:
     """Coefficient that gives the force its strength, measured along a linear run."""
     w = 2.0 * np.pi * machine.frequency_hz
     short = replace(machine, effect="none", seconds=min(machine.seconds, 8.0))
-    x, v, _ = _states(short, 0.0, 999)
+    x, v, _ = states(short, 0.0, 999)
     dt = 1.0 / machine.rate_hz / OVERSAMPLING
     force = _along(EFFECTS.index(machine.effect), x, v, w, dt, round(machine.delay_s / dt))
     linear = np.column_stack([x, v])
@@ -161,7 +162,7 @@ def _along(effect, x, v, w, dt, lag):
 def record(machine: Machine, seed: int) -> NDArray[np.float64]:
     """What the sensor records, shape (n,): anti-alias filter, decimation, noise."""
     c = 0.0 if machine.effect == "none" else coefficient(machine)
-    x, v, a = _states(machine, c, seed)
+    x, v, a = states(machine, c, seed)
     fine = {"displacement": x, "velocity": v, "acceleration": a, "pressure": a}[machine.quantity]
     taps = signal.firwin(48 * OVERSAMPLING + 1, 0.96 / OVERSAMPLING)
     samples = signal.upfirdn(taps, fine, down=OVERSAMPLING)[24 : 24 + int(machine.seconds * machine.rate_hz)]

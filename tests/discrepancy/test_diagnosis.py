@@ -127,6 +127,16 @@ def test_hum_is_the_sensors():
     assert [term.name for term in report.terms] == ["mains_hum"], report.summary
 
 
+def test_another_machines_tones_hide_no_name():
+    """A motor of 20 turns a second, whose third harmonic is no mains hum, is left out, said, and the joint named."""
+    machine = Machine("hardening", 0.06, **SHORT)
+    t = np.arange(int(machine.seconds * machine.rate_hz)) / machine.rate_hz
+    motor = sum(0.05 * np.sin(2.0 * np.pi * 20.0 * order * t) for order in (1, 2, 3))
+    report = diagnosed(machine, 114, extra=motor).report
+    assert [term.name for term in report.terms] == ["cubic_stiffness"], report.summary
+    assert any("20, 40, 60 Hz" in warning for warning in report.warnings), report.warnings
+
+
 def test_a_sensor_that_clips_is_named_and_nothing_else():
     """With its peaks cut off a recording says nothing about the machine, and the report says so."""
     machine = Machine(**SHORT)

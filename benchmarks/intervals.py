@@ -1,0 +1,105 @@
+"""Whether the intervals of full fits hold, apart from whether the right name was found.
+
+    chatter-monitor prove --cases 100 --seed SEED --out DIR     # may be broken off once the key is sealed
+    python -m benchmarks.intervals DIR ... [--kinds coulomb stribeck hysteresis]
+
+Fits the true term to each recording, beginning with its true parameters and the mode that is left beside it, and
+counts how often each 95 % interval holds the truth. A bias of the method shows here; that a fit from the shapes of a
+grid stops on its way does not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import soundfile
+
+from chatter_monitor.discrepancy import basis
+from chatter_monitor.discrepancy.augment import Start, fullest
+from chatter_monitor.discrepancy.case import Case
+from chatter_monitor.discrepancy.diagnosis import in_band, recorded_from
+from chatter_monitor.discrepancy.evidence import Evidence
+from chatter_monitor.discrepancy.faults import restlessness
+from chatter_monitor.discrepancy.innovations import Diverged, Innovations
+from chatter_monitor.discrepancy.linear import Base, calibrate
+from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.discrepancy.spectrum import RESOLUTION, periodogram
+from chatter_monitor.physics.model_file import read_model
+from chatter_monitor.physics.parts import AppliedTerm
+from chatter_monitor.physics.terms import CATALOGUE
+
+
+def prepared(directory: Path) -> Case:
+    """A case of a proof with all that a full fit needs, and no candidates."""
+    samples, rate_hz = soundfile.read(next(directory.glob("recording.*")))
+    system = read_model(directory / "model.toml")
+    whole, recorded = in_band(recorded_from(samples, float(rate_hz)), system)
+    sensor, mode = system.sensor, system.modes[0]
+    fitted = calibrate(recorded, Linear(system.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, system.spindle))
+    spectrum = periodogram(recorded, RESOLUTION * mode.frequency_hz * mode.damping_ratio)
+    inn = Innovations(recorded, fitted.linear)
+    case = Case(system, whole, recorded, Base(fitted, fitted, [], sensor.quantity, [], spectrum), inn)
+    case.unrest = restlessness(inn.white, inn.used, recorded.rate_hz)
+    case.matrix, case.columns = basis.retuning(inn), {"retuning": [0, 1]}
+    block = max(1, round(case.block_s * recorded.rate_hz))
+    case.evidence = Evidence(inn.white, case.matrix, case.weight, range(len(case.matrix)), block)
+    return case
+
+
+def beginning(case: Case, applied: AppliedTerm) -> Start:
+    """A true term, and the mode that the regression leaves beside it."""
+    inn, parameters = case.innovations, applied.term.parameters
+    units = [
+        [float(p is q) if p.linear else value for p, value in zip(parameters, applied.values, strict=True)]
+        for q in parameters
+        if q.linear
+    ]
+    columns = np.concatenate([case.matrix, inn.of_terms([(applied.term, unit) for unit in units])])
+    k = len(case.matrix)
+    evidence = Evidence(inn.white, columns, case.weight, range(k), case.evidence.block)
+    spring, damper = evidence.regress(range(k, len(columns))).all_coefficients[:2]
+    return Start((applied,), inn.linear.beside(float(spring), float(damper)), ())
+
+
+def fitted(directory: Path, truth: dict[str, Any]) -> dict[str, tuple[float, float]]:
+    """Estimate and standard deviation of each true parameter, over the truth."""
+    term = CATALOGUE[truth["names"][0]]
+    unsaid = {p.name: p.default if p.default is not None else float(not p.linear) for p in term.parameters}
+    case = prepared(directory)
+    found = fullest(case, [beginning(case, AppliedTerm(term, unsaid | truth["parameters"]))])[1].parameters[0]
+    return {name: (found[name][0] / true, found[name][1] / abs(true)) for name, true in truth["parameters"].items()}
+
+
+def main() -> None:
+    """Print every fit, and how often the intervals hold."""
+    parser = argparse.ArgumentParser(description="Intervals of full fits")
+    parser.add_argument("proofs", nargs="+", type=Path, metavar="DIR")
+    parser.add_argument("--kinds", nargs="*", default=[])
+    arguments = parser.parse_args()
+    held: dict[str, list[bool]] = defaultdict(list)
+    for proof in arguments.proofs:
+        for name, truth in json.loads((proof / "key.json").read_text())["cases"].items():
+            kind = truth["kind"]
+            if truth["family"] != "catalogue" or CATALOGUE[truth["names"][0]].delayed:
+                continue
+            if arguments.kinds and kind not in arguments.kinds:
+                continue
+            try:
+                found = fitted(proof / "cases" / name, truth)
+            except Diverged:
+                print(f"{proof} {name} {kind}: runs away", flush=True)
+                continue
+            held[kind] += [abs(ratio - 1.0) < 1.96 * sd for ratio, sd in found.values()]
+            said = ", ".join(f"{key} {ratio:.3f} +- {sd:.3f}" for key, (ratio, sd) in found.items())
+            print(f"{proof} {name} {kind}: {said}", flush=True)
+    for kind, hits in held.items():
+        print(f"{kind:24s}{sum(hits):5d} of {len(hits)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,56 @@
+"""What the observer says it does not know of the tool's state, against motion that is known at every instant."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from chatter_monitor.discrepancy.band import Recorded
+from chatter_monitor.discrepancy.innovations import Innovations
+from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.kernels.signatures import AFTER, AHEAD, BEFORE, NODES, SEEN, SUBSTEPS
+from chatter_monitor.physics.parts import Mode
+from tests.discrepancy.machine import OVERSAMPLING, Machine, states
+
+DECIMATION = 2  # so that a period of 400 Hz has 16 samples
+
+
+def along(s, x0, v0, x1, v1, step_s):
+    """Velocity on the cubic through both ends."""
+    return (
+        6.0 * s * (1.0 - s) * (x1 - x0) / step_s
+        + (1.0 - s) * (1.0 - 3.0 * s) * v0
+        + s * (3.0 * s - 2.0) * v1
+    )  # fmt: skip
+
+
+def test_the_spread_is_that_of_the_errors():
+    """Along a step the velocity is off by as much as the observer says, before its end is seen and after."""
+    machine = Machine(seconds=20.0)
+    x, v, _ = states(machine, 0.0, 7)
+    every = DECIMATION * OVERSAMPLING
+    noise = 1e-2
+    seen = x[::every] + noise * np.random.default_rng(7).standard_normal(x[::every].size)
+    recorded = Recorded(seen, np.zeros(seen.size, dtype=bool), machine.rate_hz / DECIMATION)
+    mode = Mode(machine.frequency_hz, machine.damping_ratio)
+    inn = Innovations(recorded, Linear((mode,), "displacement", noise**2))
+    o, motion = inn.observer, inn.motion
+    inner = slice(500, -500)
+    known_x, known_v = motion.x[0], motion.v[0]
+
+    def spread_of(row: int) -> float:
+        return float(np.hypot(*o.spread[row][1]))
+
+    def off(error) -> float:
+        return float(np.std(error[inner]))
+
+    true_v = v[::every]
+    assert off(true_v - known_v) == pytest.approx(spread_of(SEEN), rel=0.05)
+    assert off(true_v[1:] - motion.v[1, :-1]) == pytest.approx(spread_of(AHEAD), rel=0.05)
+    back_x, back_v = (o.back[i] * inn.errors[1:] for i in range(2))
+    for i, s in enumerate(NODES[:SUBSTEPS]):
+        there = v[round(s * every) :: every][: seen.size - 1]
+        before = along(s, known_x[:-1], known_v[:-1], motion.x[1, :-1], motion.v[1, :-1], o.step_s)
+        after = along(s, known_x[:-1] + back_x, known_v[:-1] + back_v, known_x[1:], known_v[1:], o.step_s)
+        assert off(there - before) == pytest.approx(spread_of(BEFORE + i), rel=0.05)
+        assert off(there - after) == pytest.approx(spread_of(AFTER + i), rel=0.05)
