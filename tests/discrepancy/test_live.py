@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from benchmarks.live import joined, linear
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.live.decimate import Decimator
 from chatter_monitor.discrepancy.live.found import Found
@@ -118,6 +119,18 @@ def test_a_sensor_of_the_acceleration_does_not_feel_a_constant_force():
     answers = said(record(Machine(effect="none", seconds=24.0, quantity="acceleration"), 7), model)
     assert {found.outcome for _, found in answers} == {"none"}
     assert answers[-1][0] > 23.0
+
+
+def test_a_cut_at_another_speed_is_told():
+    """A cut that regenerates goes on 4 % faster than configured: said to be at that speed within four seconds."""
+    before, after = (linear(speed_rpm, 0.05, Mode(470.0, 0.035)) for speed_rpm in (2364.0, 2459.0))
+    runs = [simulate(system, seconds, 3, settle_s=1.0).signal for system, seconds in ((before, 9.0), (after, 9.0))]
+    answers = said(joined(*runs, 470.0), before)
+    assert {found.outcome for t, found in answers if t < 9.0} == {"none"}
+    told = [(t, found) for t, found in answers if found.effect == "regenerative_delay"]
+    assert told[0][0] < 13.0
+    assert {found.outcome for _, found in told} == {"parameters"}
+    assert told[-1][1].parameters["spindle.speed_rpm"] == pytest.approx(2459.0, rel=5e-3)
 
 
 def test_a_narrow_peak_is_not_smeared():

@@ -73,7 +73,7 @@ class Blocks:
         periodogram = np.abs(np.fft.rfft(errors)[1:]) ** 2 / (errors.size * variance)
         power = np.add.reduceat(periodogram, self._edges[:-1]) / np.diff(self._edges)
         self._products[at + 1] = (
-            self._products[at] + _with_offset(rows.T @ rows, rows.sum(axis=0), len(rows)) / variance
+            self._products[at] + _with_offset(rows.T @ rows, np.ones(len(rows)) @ rows, len(rows)) / variance
         )
         self._power[at + 1] = self._power[at] + np.stack([power, power**2])
         self.firsts.append(first)
