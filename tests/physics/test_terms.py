@@ -1,13 +1,14 @@
 # ruff: noqa: ARG005 - every term has the same arguments
 """The catalogue of terms: complete, compiled as written, physically right, open to new entries."""
 
+import ctypes
 import math
 
 import numpy as np
 import pytest
 
 from chatter_monitor.errors import InputError
-from chatter_monitor.kernels.forces import force_along
+from chatter_monitor.kernels.forces import MOST_PARAMETERS, force_along
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.model_file import model_text, read_model
 from chatter_monitor.physics.parts import AppliedTerm, Mode
@@ -171,3 +172,18 @@ def test_parameters_outside_physics_are_refused(name, parameters, words):
     with pytest.raises(InputError) as caught:
         AppliedTerm(CATALOGUE[name], parameters)
     assert all(word in str(caught.value) for word in words), str(caught.value)
+
+
+@pytest.mark.parametrize("term", CATALOGUE.values(), ids=lambda term: term.name)
+def test_rows_are_the_force_at_each_state(term):
+    """The force inlined into a loop gives what the term gives state by state, with all of its parameters."""
+    states = np.random.default_rng(5).standard_normal((5, 50))
+    values = np.linspace(0.5, 0.9, len(term.parameters))
+    padded, result = np.zeros(MOST_PARAMETERS), np.empty(50)
+    padded[: values.size] = values
+    x, v, lagged, angle, memory, p, out = (
+        each.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for each in (*states, padded, result)
+    )
+    term.compiled_row.ctypes(x, v, lagged, angle, 3.0, memory, p, 50, out)
+    expected = [term.force(*state[:4], 3.0, state[4], values) for state in states.T]
+    np.testing.assert_allclose(result, expected, rtol=1e-12, atol=1e-12)
