@@ -160,7 +160,6 @@ class NaiveVibration:
     chattered: bool = False
     missed: int = 0
     unexplained: float = 0.0
-    usual: float = 0.0
 
     @property
     def self_excited(self) -> float:
@@ -178,8 +177,6 @@ class NaiveVibration:
             self.odds += vibrations.AVERAGING * (line["order_odds"] - self.odds)
             dominance = self.dominance + vibrations.AVERAGING * (line["share"] - self.dominance)
             self.dominance = max(dominance, self.dominance if self.alarm_for else 0.0)
-            if self.kinds[1] + self.kinds[2] < 0.5:
-                self.usual = line["level"] - line["absolute_rise"]
             seen = self.likeness(line, weights)
         self.kinds = self.forward(seen, rules.chain)
         risen = self.kinds[1] + self.kinds[2]
@@ -193,15 +190,12 @@ class NaiveVibration:
 
     def likeness(self, line: np.void, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.chattered and line["long_rise"] < vibrations.DIED_DOWN:
-            return np.full(3, -CONVINCING)
-        growth, calm = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
+            return np.full(2, -CONVINCING)
+        seen = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
         least = np.exp(-vibrations.COHERENT_DAMPING * 2.0 * np.pi * line["frequency_hz"] * 0.025)
         if line["coherence"] < max(least, vibrations.LEAST_COHERENCE):
-            growth = min(growth, 0.0)
-        rise = line["level"] - self.usual
-        lasts = self.chattered and vibrations.LOUDER < rise < vibrations.OUT_OF_NOTHING
-        lasts &= line["coherence"] >= vibrations.LEAST_COHERENCE
-        return np.array([growth, calm, max(calm, vibrations.LASTING) if lasts else calm])
+            seen[0] = min(seen[0], 0.0)
+        return seen
 
     def forward(self, seen: NDArray[np.float64], chain: Chain) -> NDArray[np.float64]:
         change = np.zeros((4, 4))  # from noise, growing, saturated, steady
@@ -210,7 +204,7 @@ class NaiveVibration:
         change[2, 0] = chain.ends
         change[3, 0], change[3, 1] = chain.ends, chain.grows_when_steady
         change += np.diag(1.0 - change.sum(axis=1))
-        likelihood = np.exp(chain.evidence * np.array([0.0, seen[0], seen[2], seen[1]]))
+        likelihood = np.exp(chain.evidence * np.array([0.0, seen[0], seen[1], seen[1]]))
         posterior = self.kinds @ change * likelihood
         return np.asarray(posterior / posterior.sum())
 

@@ -38,7 +38,6 @@ LINE = np.dtype(
         ("long_rise", float),
         ("absolute_rise", float),
         ("coherence", float),
-        ("level", float),
         ("damping_ratio", float),
         ("order_odds", float),
     ]
@@ -84,22 +83,13 @@ PRIOR = Kinds(noise=0.98, growing=2e-4, saturated=2e-4, steady=0.0196)
 
 
 class Likeness(NamedTuple):
-    """Logarithm of the likelihood of a frame over that under noise.
-
-    Attributes
-    ----------
-    growth, calm : float
-        Under growth, and under a calm coherent line.
-    saturated : float
-        Under what has grown and is limited: calm, mostly.
-    """
+    """Logarithm of the likelihood of a frame under growth, and under a calm coherent line, over that under noise."""
 
     growth: float
     calm: float
-    saturated: float
 
 
-NOTHING = Likeness(-CONVINCING, -CONVINCING, -CONVINCING)
+NOTHING = Likeness(-CONVINCING, -CONVINCING)
 
 
 @njit(**OPTIONS)
@@ -150,8 +140,7 @@ def likeness(line, weights):
     for i in range(MEASURES):
         growth += weights[0, i] * x[i]
         calm += weights[1, i] * x[i]
-    calm = _bounded(calm + weights[1, MEASURES])
-    return Likeness(_bounded(growth + weights[0, MEASURES]), calm, calm)
+    return Likeness(_bounded(growth + weights[0, MEASURES]), _bounded(calm + weights[1, MEASURES]))
 
 
 @njit(**OPTIONS)
@@ -178,11 +167,12 @@ def follow(before, seen, chain, again):
     saturated += grown - ended_saturated + (begun_calm if again else 0.0)
     steady -= ended_steady + begun_when_steady - (0.0 if again else begun_calm)
 
-    most = max(0.0, seen.growth, seen.calm, seen.saturated)
+    most = max(0.0, seen.growth, seen.calm)
+    calm = math.exp(chain.evidence * (seen.calm - most))
     noise *= math.exp(-chain.evidence * most)
     growing *= math.exp(chain.evidence * (seen.growth - most))
-    saturated *= math.exp(chain.evidence * (seen.saturated - most))
-    steady *= math.exp(chain.evidence * (seen.calm - most))
+    saturated *= calm
+    steady *= calm
     total = noise + growing + saturated + steady
     return Kinds(noise / total, growing / total, saturated / total, steady / total)
 

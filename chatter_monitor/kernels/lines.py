@@ -33,9 +33,9 @@ SILENCE = 5.8
 # Indices into what is told of a line, in the order of `tracking.spectrum.Line`: the bin that it is at, interpolated;
 # share of the power; how far it stands out; coefficient of variation of its modulus over half of the ring; growth of
 # its logarithm in a hop; rise within the time of the ring, and within that of the reliefs, and the latter whatever the
-# surroundings did; correlation `LAG` hops apart; logarithm of the amplitude.
-BIN, SHARE, PROMINENCE, VARIATION, GROWTH, RISE, LONG_RISE, ABSOLUTE_RISE, COHERENCE, LEVEL = range(10)
-MEASURES = 10
+# surroundings did; correlation `LAG` hops apart.
+BIN, SHARE, PROMINENCE, VARIATION, GROWTH, RISE, LONG_RISE, ABSOLUTE_RISE, COHERENCE = range(9)
+MEASURES = 9
 
 # Indices of `LineState.counts`: hops taken, frames looked at
 TAKEN, FRAMES = range(2)
@@ -167,7 +167,6 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
         out[RISE] = rise(reliefs, state.levels, counts[FRAMES], recent, b, state.scratch)
         out[LONG_RISE] = rise(reliefs, state.levels, counts[FRAMES], frames, b, state.scratch)
         out[ABSOLUTE_RISE] = rise(state.powers, state.levels, counts[FRAMES], frames, b, state.scratch)
-        out[LEVEL] = 0.5 * _height(state.powers, b, column)
     return count
 
 
@@ -335,7 +334,7 @@ def rise(heights, levels, head, frames, b, scratch):
     frames : int
         How far to look back.
     b : int
-        The bin.
+        The bin; what stands out one bin aside is the same line.
     scratch : ndarray, shape (>= columns,)
         Work space.
     """
@@ -346,16 +345,10 @@ def rise(heights, levels, head, frames, b, scratch):
     for _ in range(min(frames, head, columns)):
         column = _before(column, columns)
         if levels[column] > silence:
-            scratch[count] = _height(heights, b, column)
+            scratch[count] = max(heights[b - 1, column], heights[b, column], heights[b + 1, column])
             count += 1
     newest = scratch[0]
     return 0.5 * (newest - median(scratch[:count])) if count > 1 else 0.0
-
-
-@njit(**OPTIONS)
-def _height(heights, b, column):
-    """Height of a line: what stands out one bin aside is the same one."""
-    return max(heights[b - 1, column], heights[b, column], heights[b + 1, column])
 
 
 @njit(**OPTIONS)

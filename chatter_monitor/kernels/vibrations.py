@@ -13,7 +13,7 @@ from chatter_monitor.kernels.options import OPTIONS
 SAME_VIBRATION = 0.06
 LINE_WIDTH_HZ = 25.0
 # What an interval says of a vibration that none of its prominent lines belongs to.
-NOT_HEARD = Likeness(-1.0, -1.0, -1.0)
+NOT_HEARD = Likeness(-1.0, -1.0)
 # Intervals without a line after which it is forgotten; a minute if it has chattered, because it will again.
 FORGOTTEN, FORGOTTEN_CHATTER = 10, 1200
 # What grows by itself is coherent; noise that comes and goes is not, nor is a mode that it drives: beyond this damping
@@ -22,10 +22,6 @@ COHERENT_DAMPING, LEAST_COHERENCE = 0.004, 0.4
 # A vibration is over when its amplitude has fallen below half of what it was for seconds (natural logarithm): that of a
 # saturated one does not, whatever its damping reads.
 DIED_DOWN = -0.7
-# What has chattered and is still louder by so much than before it rose (natural logarithm) lasts, though its amplitude
-# comes and goes: that speaks for it by so much. What has risen by more came out of next to nothing: a cut begins.
-LOUDER, OUT_OF_NOTHING = 0.4, 3.5
-LASTING = 1.0
 
 # Of a vibration that has chattered and does no more.
 CALMED = Kinds(noise=1.0 - 6e-4, growing=2e-4, saturated=2e-4, steady=2e-4)
@@ -45,7 +41,6 @@ VIBRATION = np.dtype(
         ("unexplained", float),  # probability that nothing that turns explains it, if it has risen
         ("order_odds", float),  # log odds by its place among the orders, averaged
         ("dominance", float),  # its share of the power, averaged likewise; the largest while an alarm is about it
-        ("usual", float),  # logarithm of its amplitude before it rose
         ("alarm_for", np.int64),  # intervals since an alarm began that is about it; 0 without one
         ("chattered", np.bool_),  # whether there has been one
         ("missed", np.int64),  # intervals since its line was heard
@@ -173,8 +168,6 @@ def _heard(vibration, line, rules, weights):
     vibration.order_odds += AVERAGING * (line.order_odds - vibration.order_odds)
     dominance = vibration.dominance + AVERAGING * (line.share - vibration.dominance)
     vibration.dominance = max(dominance, vibration.dominance) if vibration.alarm_for else dominance
-    if vibration.growing + vibration.saturated < 0.5:
-        vibration.usual = line.level - line.absolute_rise
     _another_interval(vibration, _likeness(vibration, line, weights), rules)
 
 
@@ -208,13 +201,11 @@ def _likeness(vibration, line, weights):
     """What a line says of its vibration."""
     if vibration.chattered and line.long_rise < DIED_DOWN:
         return NOTHING
-    growth, calm, saturated = likeness(line, weights)
-    coherent = line.coherence >= LEAST_COHERENCE
-    if not coherent or coherence_damping(line.coherence, line.frequency_hz) > COHERENT_DAMPING:
-        growth = min(growth, 0.0)
-    if vibration.chattered and coherent and LOUDER < line.level - vibration.usual < OUT_OF_NOTHING:
-        saturated = max(saturated, LASTING)
-    return Likeness(growth, calm, saturated)
+    seen = likeness(line, weights)
+    damping_ratio = coherence_damping(line.coherence, line.frequency_hz)
+    if line.coherence < LEAST_COHERENCE or damping_ratio > COHERENT_DAMPING:
+        return Likeness(min(seen.growth, 0.0), seen.calm)
+    return seen
 
 
 @njit(**OPTIONS)

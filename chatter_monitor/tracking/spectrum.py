@@ -49,8 +49,6 @@ class Line(NamedTuple):
         The long rise with what the surroundings have risen.
     coherence : float
         Correlation of its complex amplitude after 25 ms: exp(-zeta omega t) for a mode.
-    level : float
-        Logarithm of its amplitude, in units that do not change.
     """
 
     frequency_hz: float
@@ -62,7 +60,6 @@ class Line(NamedTuple):
     long_rise: float
     absolute_rise: float
     coherence: float
-    level: float
 
     @property
     def steady_share(self) -> float:

@@ -109,7 +109,7 @@ class Following:
                 alarm_for,
                 None if line == kernel.NO_LINE else heard[line],
             )
-            for frequency_hz, noise, growing, saturated, steady, unexplained, _, _, _, alarm_for, _, _, line in known
+            for frequency_hz, noise, growing, saturated, steady, unexplained, _, _, alarm_for, _, _, line in known
         )
 
 

@@ -48,7 +48,7 @@ def frame(*, damping=(0.02, 0.001), share=(0.5, 0.5), status=None, flags=Flag.NO
 
 
 def line(frequency_hz, share=0.5):
-    return Line(frequency_hz, share, 20.0, 0.3, 0.0, 0.0, 0.0, 15.0, 0.9, 0.0)
+    return Line(frequency_hz, share, 20.0, 0.3, 0.0, 0.0, 0.0, 15.0, 0.9)
 
 
 def orders_of(rotation_hz=None, source=None, share=0.0):

@@ -32,13 +32,13 @@ def mode(damping=0.02, frequency=HZ, sd=0.0005):
 
 def growing(frequency=HZ, damping=0.0, *, on_order=False, share=0.9):
     """A line that rises, coherent, tenfold within a second."""
-    line = Line(frequency, share, 35.0, 0.7, 60.0, 2.3, 3.0, 3.2, 0.99, 0.0)
+    line = Line(frequency, share, 35.0, 0.7, 60.0, 2.3, 3.0, 3.2, 0.99)
     return Vibration(line, mode(damping, frequency), *[Place(on_order, 0.2)] * 2)
 
 
 def steady(frequency=HZ, damping=0.0, *, on_order=False, share=0.9):
     """A line as coherent that neither grows nor varies."""
-    line = Line(frequency, share, 30.0, 0.02, 0.0, 0.0, 0.0, 0.0, 0.99, 0.0)
+    line = Line(frequency, share, 30.0, 0.02, 0.0, 0.0, 0.0, 0.0, 0.99)
     return Vibration(line, mode(damping, frequency), *[Place(on_order, 0.2)] * 2)
 
 
