@@ -119,6 +119,14 @@ def test_friction_above_an_amplitude_is_located_there():
     assert "above an amplitude" in report.terms[0].why
 
 
+@pytest.mark.xfail(strict=True, reason="on average a tenth too small, here a quarter (decision 23)")
+def test_the_interval_of_friction_holds():
+    """The 95 % interval of a strong dry friction reaches up to the truth."""
+    machine = Machine("coulomb", 0.06, **SHORT)
+    friction = diagnosed(machine, 113).report.terms[0].parameters["coefficient"]
+    assert friction.ci95[1] > coefficient(machine)
+
+
 def test_hum_is_the_sensors():
     """A tone at the mains frequency is named as hum, and not as mechanics."""
     machine = Machine(**SHORT)
