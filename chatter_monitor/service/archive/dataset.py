@@ -137,8 +137,9 @@ class DataSet(Generic[R]):
             for other in self.file(table, recording, summary.key).parent.glob("[!.]*"):
                 if other.stem != summary.key:  # of what the recording was before it was replaced
                     _remove(other)
-        for table in self.tables:  # a summary that outlives a power failure must find the folders of its tables
-            synchronise(self.path / table)
+        for folder in (*self.tables, PAGES):  # a summary that outlives a power failure must find what belongs to it
+            if (self.path / folder).is_dir():
+                synchronise(self.path / folder)
         write_table(self.file(SUMMARY, recording, summary.key), [summary])
 
     def summaries(self) -> dict[str, R]:
@@ -194,6 +195,7 @@ class Place(Generic[R]):
                 synchronise(written)
             _remove(folder)
             part.replace(folder)
+            synchronise(folder.parent)
         except OSError as error:
             raise EnvironmentFault(f"pages cannot be written: {error.strerror}", got=str(folder)) from error
         finally:

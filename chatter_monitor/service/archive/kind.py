@@ -5,32 +5,31 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, Protocol
 
 from chatter_monitor.service.archive.dataset import DataSet, Place, R
 
 Tables = dict[str, dict[str, Any]]
-S = TypeVar("S")
 
 
-class Telling(Protocol[S]):
+class Telling(Protocol[R]):
     """How results are told, in a table on a terminal and on a page: a module of `reports`."""
 
     HEADINGS: Sequence[str]
 
-    def worst_first(self, done: Mapping[str, S]) -> list[tuple[str, S]]:
+    def worst_first(self, done: Mapping[str, R]) -> list[tuple[str, R]]:
         """Recordings in the order in which a person should look at them."""
 
-    def row(self, name: str, summary: S) -> tuple[str, ...]:
+    def row(self, name: str, summary: R) -> tuple[str, ...]:
         """What is said about a recording, under the headings."""
 
-    def strikes(self, summary: S) -> bool:
+    def strikes(self, summary: R) -> bool:
         """Whether a person should look at the recording."""
 
-    def sentence(self, done: Mapping[str, S], broken: Mapping[str, str]) -> str:
+    def sentence(self, done: Mapping[str, R], broken: Mapping[str, str]) -> str:
         """Sum of it in words."""
 
-    def archive_page(self, title: str, done: Mapping[str, S], broken: Mapping[str, str]) -> str:
+    def archive_page(self, title: str, done: Mapping[str, R], broken: Mapping[str, str]) -> str:
         """HTML page; it lies in the directory of the results."""
 
 
