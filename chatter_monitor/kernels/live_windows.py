@@ -6,6 +6,18 @@ from numba import njit
 from chatter_monitor.kernels.options import OPTIONS
 
 
+@njit(**OPTIONS)
+def take_out(products, count):
+    """Take columns 1 to `count` out of column 0 and of those behind them, by elimination."""
+    size = products.shape[0]
+    for pivot in range(1, count + 1):
+        for i in range(size):
+            if i == 0 or i > pivot:
+                factor = products[i, pivot] / products[pivot, pivot]
+                for j in range(size):
+                    products[i, j] -= factor * products[pivot, j]
+
+
 @njit(cache=True, nogil=True)
 def newest(sums, end, sizes, lost, ridge, always, out):
     """Products of the newest blocks with some columns taken out of the others.
@@ -41,12 +53,7 @@ def newest(sums, end, sizes, lost, ridge, always, out):
                 for j in range(columns):
                     total[i, j] = total[j, i] = 0.0
             total[i, i] += ridge * total[i, i] + 1e-300
-        for pivot in range(1, always + 1):
-            for i in range(columns):
-                if i == 0 or i > pivot:
-                    factor = total[i, pivot] / total[pivot, pivot]
-                    for j in range(columns):
-                        total[i, j] -= factor * total[pivot, j]
+        take_out(total, always)
 
 
 @njit(**OPTIONS)
@@ -58,12 +65,7 @@ def explained(total, earlier, first, count, work):
             column = j + first - 1 if j else 0
             work[i, j] = total[row, column] - earlier[row, column]
     whole = work[0, 0]
-    for pivot in range(1, count + 1):
-        for i in range(count + 1):
-            if i == 0 or i > pivot:
-                factor = work[i, pivot] / work[pivot, pivot]
-                for j in range(count + 1):
-                    work[i, j] -= factor * work[pivot, j]
+    take_out(work, count)
     return whole - work[0, 0]
 
 

@@ -11,9 +11,8 @@ from scipy import signal as dsp
 
 SAMPLES_PER_PERIOD = 10.0  # of the fastest mode, at least: room for its fourth harmonic
 CHUNK = 512  # samples that are given at once: fewer, and the calls would cost more than what they do
-_ROW = (
-    16  # samples of the lower rate that the low-pass reaches to either side, and that it makes at once; divides CHUNK
-)
+# Samples of the lower rate that the low-pass reaches to either side, and that it makes at once; divides CHUNK.
+_ROW = 16
 _UP = (1, 2, 4)  # numerators of the ratio; divide _ROW
 
 
