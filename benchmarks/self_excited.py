@@ -103,7 +103,7 @@ def main() -> None:
     print(
         "seed   mode  sensor        rpm  over limit  model   answer            frequency   growth  amplitude  chip (1)"
     )
-    rows = []
+    rows, held = [], []
     for seed in range(arguments.seed, arguments.seed + arguments.cuts):
         cut, model = draw(seed)
         found = conclude_chatter(recorded_from(record(cut, seed), RATE_HZ), model)
@@ -114,6 +114,7 @@ def main() -> None:
             rows.append([math.nan] * 3)
             continue
         rows.append(errors(cut, found))
+        held.append(intervals_hold(cut, found))
         frequency, growth, amplitude = rows[-1]
         term = found.report.terms[0]
         chip = term.parameters["chip_thickness"].value if "chip_thickness" in term.parameters else math.nan
@@ -124,6 +125,9 @@ def main() -> None:
     within = [int(np.sum(away[:, i] < most)) for i, most in enumerate((0.01, 0.2, 0.2))]
     print(f"named {named} of {len(rows)}; frequency within 1 %: {within[0]}, growth within 20 %: {within[1]}, ", end="")
     print(f"amplitude within 20 %: {within[2]}")
+    for name in ("frequency", "damping ratio", "coefficient", "chip thickness"):
+        said = [each[name] for each in held if name in each]
+        print(f"95 % interval of the {name} holds: {sum(said)} of {len(said)}")
 
 
 def errors(cut: Chattering, found: ChatterDiagnosis) -> list[float]:
@@ -136,6 +140,19 @@ def errors(cut: Chattering, found: ChatterDiagnosis) -> list[float]:
         growth_per_s(found.model) / growth_per_s(cut.machine(cut.coefficient)) - 1.0,
         excited.simulated_amplitude / (excited.amplitude or math.nan) - 1.0,
     ]
+
+
+def intervals_hold(cut: Chattering, found: ChatterDiagnosis) -> dict[str, bool]:
+    """Which 95 % intervals of the report hold the truth; the true chip is 1 u thick."""
+    term, after = found.report.terms[0], found.report.calibration.after
+    estimates = {
+        "frequency": (after["mode.1.frequency_hz"], cut.mode.frequency_hz),
+        "damping ratio": (after["mode.1.damping_ratio"], cut.mode.damping_ratio),
+        "coefficient": (term.parameters["coefficient"], cut.coefficient),
+    }
+    if "chip_thickness" in term.parameters:
+        estimates["chip thickness"] = (term.parameters["chip_thickness"], 1.0)
+    return {name: said.ci95[0] < true < said.ci95[1] for name, (said, true) in estimates.items()}
 
 
 if __name__ == "__main__":

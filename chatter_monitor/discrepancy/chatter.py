@@ -4,8 +4,7 @@ A recording that chatters is no answer of a linear machine to noise, so nothing 
 rises the tool is in the cut, and the machine is linear with a delay: stiffness, damping and regeneration are fitted to
 the prediction errors of that stretch, no matter how many characteristic roots rise at once. A vibration that rises
 tells less of the machine than noise does, so the model file counts as knowledge of the mode. That it is regeneration,
-the delay has to say: errors follow the displacement one delay before, and not that of other delays. Where the vibration
-stays, the tool leaves the cut, and how large it is tells how thick the chip is.
+the delay has to say: errors follow the displacement one delay before, and not that of other delays.
 """
 
 from __future__ import annotations
@@ -22,10 +21,8 @@ from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.observer import Linear
-from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Mode
-from chatter_monitor.physics.simulate import simulate
 from chatter_monitor.physics.terms import CATALOGUE
 
 Vector = NDArray[np.float64]
@@ -47,7 +44,6 @@ EVEN_P = 0.02  # of errors that are as large at the end of a rise as before: the
 LEAD_S = 0.3  # of recording before the rise, for the filter
 NOISE = 1e-4  # variance of the sensor's noise over that of the signal
 STEPS = 6
-_RUN_S, _RUNS = 6.0, 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,8 +161,11 @@ class Regeneration:
     Attributes
     ----------
     mode : Mode
-    delay_s, coefficient, coefficient_sd : float
+    delay_s, coefficient : float
         The coefficient counts in w^2 of the model's first mode.
+    covariance : ndarray of float64, shape (3, 3)
+        Of the mode's frequency in Hz, its damping ratio, and the coefficient. The delay is not sure either, and the
+        model file's knowledge of mode and speed counts.
     gain_nats, wrong_nats : float
         What the displacement one delay before explains, and the most that a delay does which is none of the spindle's.
     misfit_p : float
@@ -176,16 +175,21 @@ class Regeneration:
     mode: Mode
     delay_s: float
     coefficient: float
-    coefficient_sd: float
+    covariance: NDArray[np.float64]
     gain_nats: float
     wrong_nats: float
     misfit_p: float
 
     @property
+    def sd(self) -> Vector:
+        """Standard deviations of frequency, damping ratio and coefficient, shape (3,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
     def sure(self) -> bool:
         """Whether it is regeneration at the spindle's delay, on a machine that may be that of the model file."""
         return (
-            self.coefficient > 3.0 * self.coefficient_sd
+            self.coefficient > 3.0 * float(self.sd[2])
             and self.gain_nats > self.wrong_nats + BEYOND_WRONG_NATS
             and self.misfit_p > BELIEVED_P
         )
@@ -260,8 +264,13 @@ def _fitted(
         math.log(mode.damping_ratio / given.damping_ratio) / DAMPING_SD,
     )
     p = float(stats.chi2.sf(away[0] ** 2 + away[1] ** 2, 2))
-    made = Regeneration(mode, delay, coefficient, float(sd[2]) / w2, max(gains), wrong, p)
-    return made, _Stretch(recorded, inside, system, mode, delay, coefficient, known).even_p
+    last = _Stretch(recorded, inside, system, mode, delay, coefficient, known)
+    # Stiffness and damping of the mode, and delayed stiffness, in the report's parameters.
+    share = given.participation**2 / (2.0 * mode.omega)
+    turn = np.array([share / (2.0 * math.pi), share, 1.0 / w2])
+    covariance = last.covariance(delay, given) * np.outer(turn, turn)
+    made = Regeneration(mode, delay, coefficient, covariance, max(gains), wrong, p)
+    return made, last.even_p
 
 
 class _Stretch:
@@ -290,11 +299,11 @@ class _Stretch:
         self.fixed = inn.respond([inn.motion.x, inn.motion.v])
         weight = np.where(inside & inn.used, 1.0, 0.0)
         self.weight = weight / float(np.std(inn.white[weight > 0.0]))
-        self.motion = inn.motion.x[0]
+        self.displacement, self.velocity = inn.motion.x[0], inn.motion.v[0]
 
     def _normal(self, delay_s: float, given: Mode) -> tuple[Vector, Vector]:
         """Normal equations of stiffness, damping and delayed stiffness, the mode's prior in them."""
-        column = self.innovations.respond([_before(self.motion, delay_s * self.rate_hz)])
+        column = self.innovations.respond([_before(self.displacement, delay_s * self.rate_hz)])
         columns = np.concatenate([self.fixed, column])
         evidence = Evidence(self.innovations.white, columns, self.weight, [], self.weight.size)
         total = evidence.over(np.array([True]))
@@ -328,6 +337,17 @@ class _Stretch:
         covariance = np.linalg.inv(normal)
         return covariance @ right, np.sqrt(np.diag(covariance))
 
+    def covariance(self, delay_s: float, given: Mode) -> NDArray[np.float64]:
+        """Of stiffness, damping and delayed stiffness, the delay fitted beside them."""
+        normal, _ = self._normal(delay_s, given)
+        forces = [_before(state, delay_s * self.rate_hz) for state in (self.displacement, self.velocity)]
+        lagged, moving = self.innovations.respond(forces)
+        # d/d tau of coefficient w^2 [x - x(t - tau)]
+        columns = np.array([*self.fixed, self.fixed[0] - lagged, self.already * moving]) * self.weight
+        by_delay = columns @ columns[3]
+        beside = by_delay[:3] / math.sqrt(by_delay[3] + (SPEED_SD * delay_s) ** -2.0)
+        return np.asarray(np.linalg.inv(normal - np.outer(beside, beside)))
+
 
 def _before(x: Vector, samples: float) -> NDArray[np.float64]:
     """Displacement some samples before, between the samples as its band has it; at a sample and at the next."""
@@ -340,52 +360,3 @@ def _before(x: Vector, samples: float) -> NDArray[np.float64]:
     found = np.stack(rows)
     found[:, :start] = 0.0
     return found
-
-
-def augmented(found: Vibration, made: Regeneration, system: MachiningSystem) -> MachiningSystem:
-    """The machine with regeneration that makes the vibration; it leaves the cut where the vibration stays.
-
-    The motion is as large as the chip is thick, other things equal, so a run tells which chip belongs to an amplitude.
-    """
-    spindle = system.spindle
-    if spindle is None:
-        raise ValueError("regeneration has a spindle")
-    modes = list(system.modes)
-    modes[found.mode] = made.mode
-    terms = [applied for applied in system.terms if not applied.term.delayed]
-    # What the mode alone makes of its noise, as loud as it was before: var(x) = pi S_0 / (2 zeta w^3), and the median
-    # of its amplitude is sqrt(2 log 2) times the root of that.
-    variance = found.quiet**2 / (2.0 * math.log(2.0))
-    intensity = 2.0 * made.mode.damping_ratio * made.mode.omega**3 * variance / math.pi
-    excitation = replace(system.excitation, intensity=intensity)
-    system = replace(
-        system,
-        modes=tuple(modes),
-        spindle=replace(spindle, speed_rpm=60.0 / (spindle.teeth * made.delay_s)),
-        excitation=excitation if excitation.kind != "measured" else system.excitation,
-    )
-    if not math.isfinite(found.plateau):
-        delay = AppliedTerm(CATALOGUE["regenerative_delay"], {"coefficient": made.coefficient})
-        return replace(system, terms=(*terms, delay))
-    chip = found.plateau
-    model = system
-    for _ in range(_RUNS):
-        cut = AppliedTerm(CATALOGUE["loss_of_contact"], {"coefficient": made.coefficient, "chip_thickness": chip})
-        model = replace(system, terms=(*terms, cut))
-        reached = plateau_of(model)
-        if reached is None or abs(reached[0] / found.plateau - 1.0) < 0.02:
-            break
-        chip *= found.plateau / reached[0]
-    return model
-
-
-def plateau_of(system: MachiningSystem, seed: int = 1) -> tuple[float, float] | None:
-    """Amplitude at which a simulated cut stays, u, and its frequency, Hz; None if it does not stay."""
-    rate = 16.0 * max(mode.frequency_hz for mode in system.modes)
-    try:
-        run = simulate(system, _RUN_S, seed, rate, settle_s=0.1).displacement
-    except InputError:
-        return None
-    late = run[int(0.7 * run.size) :]
-    frequency, density = dsp.periodogram(late * np.hanning(late.size), rate, nfft=8 * late.size)
-    return float(np.sqrt(2.0) * np.std(late)), float(frequency[np.argmax(density)])

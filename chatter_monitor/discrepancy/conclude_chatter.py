@@ -15,11 +15,10 @@ from chatter_monitor.discrepancy.chatter import (
     BEYOND_WRONG_NATS,
     Regeneration,
     Vibration,
-    augmented,
-    plateau_of,
     regeneration_of,
     vibration,
 )
+from chatter_monitor.discrepancy.chatter_limit import augmented, chip_sd, plateau_of
 from chatter_monitor.discrepancy.findings import IN_WORDS, estimate
 from chatter_monitor.discrepancy.report import (
     Alternative,
@@ -120,7 +119,9 @@ def _located(found: Vibration, made: Regeneration | None, statistic: Statistic |
 def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model: MachiningSystem) -> Report:
     applied = next(term for term in model.terms if term.term.delayed)
     units = {p.name: p.unit for p in applied.term.parameters}
-    sd = {"coefficient": made.coefficient_sd, "chip_thickness": 0.0}
+    sd = {"coefficient": float(made.sd[2])}
+    if "chip_thickness" in applied.parameters:
+        sd["chip_thickness"] = chip_sd(made, model, found.mode)
     parameters: dict[str, Estimate] = {
         name: estimate(value, sd[name], units[name]) for name, value in applied.parameters.items()
     }
@@ -157,8 +158,8 @@ def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model:
     calibration = Calibration(
         {f"mode.{number}.frequency_hz": given.frequency_hz, f"mode.{number}.damping_ratio": given.damping_ratio},
         {
-            f"mode.{number}.frequency_hz": Estimate(mode.frequency_hz, (mode.frequency_hz,) * 2, "Hz"),
-            f"mode.{number}.damping_ratio": Estimate(mode.damping_ratio, (mode.damping_ratio,) * 2, "1"),
+            f"mode.{number}.frequency_hz": estimate(mode.frequency_hz, float(made.sd[0]), "Hz"),
+            f"mode.{number}.damping_ratio": estimate(mode.damping_ratio, float(made.sd[1]), "1"),
         },
     )
     warnings = [
@@ -167,7 +168,7 @@ def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model:
     if "chip_thickness" in parameters:
         warnings.append(
             "The chip thickness is the one at which the simulation stays at the amplitude of the recording; "
-            "how sure it is, is not known."
+            "its interval is what mode and coefficient leave open."
         )
     return Report(
         "missing_physics", summary, _located(found, made, Statistic("lag", made.gain_nats, p)), [finding],

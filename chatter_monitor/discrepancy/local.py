@@ -12,6 +12,7 @@ from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.candidates import Candidate
 from chatter_monitor.discrepancy.case import SURE, Case, Local
 from chatter_monitor.discrepancy.evidence import Evidence
+from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.name import PRICE_NATS
 
 Vector = NDArray[np.float64]
@@ -21,6 +22,19 @@ ENDS_S = 0.05  # to which the ends of a stretch are told
 LEAST_BLOCKS = 2  # of the training blocks
 ABOVE = np.geomspace(0.8, 2.4, 7)  # amplitudes tried, over the rms displacement; then as many about the best
 _FINER = np.linspace(-1.0, 1.0, 9)[1:-1]  # steps of those
+
+
+def acting(
+    inn: Innovations, between_s: tuple[float, float] | None = None, above: float | None = None
+) -> NDArray[np.bool_]:
+    """Where along `inn.motion` a force acts that does so in a stretch, or above an amplitude, only; shape (2, n)."""
+    acts = np.ones_like(inn.motion.x, dtype=bool)
+    if between_s is not None:
+        at = np.arange(acts.shape[1]) * inn.observer.step_s
+        acts &= (at >= between_s[0]) & (at < between_s[1])
+    if above is not None:
+        acts &= np.hypot(inn.motion.x, inn.motion.v / inn.observer.omega) > above
+    return acts
 
 
 def find_local(case: Case) -> Local | None:
@@ -78,13 +92,12 @@ def find_above(case: Case) -> Local | None:
 
 def _best_above(case: Case, tried: Sequence[tuple[Candidate, float]]) -> Local | None:
     """Of candidates with their amplitudes, the one that gains most on the training blocks."""
-    inn, motion = case.innovations, case.innovations.motion
-    amplitude = np.hypot(motion.x, motion.v / inn.observer.omega)
+    inn = case.innovations
     forces: dict[Candidate, NDArray[np.float64]] = {}
     for candidate, _ in tried:
         if candidate not in forces:
             forces[candidate] = inn.force(candidate.term, candidate.unit(candidate.linear[0]))
-    signatures = inn.respond([forces[candidate] * (amplitude > above) for candidate, above in tried])
+    signatures = inn.respond([forces[candidate] * acting(inn, above=above) for candidate, above in tried])
     nuisance = case.matrix[case.evidence.nuisance]
     k = len(nuisance)
     evidence = Evidence(inn.white, np.concatenate([nuisance, signatures]), case.weight, range(k), case.evidence.block)

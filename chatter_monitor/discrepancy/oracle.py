@@ -15,34 +15,49 @@ from chatter_monitor.discrepancy.diagnosis import in_band
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.innovations import Diverged, Innovations
 from chatter_monitor.discrepancy.linear import calibrate
+from chatter_monitor.discrepancy.local import acting
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm
 
 
-def gain_of(recording: Recorded, base: MachiningSystem, true: MachiningSystem) -> float:
+def gain_of(
+    recording: Recorded,
+    base: MachiningSystem,
+    true: MachiningSystem,
+    between_s: tuple[float, float] | None = None,
+    above: float | None = None,
+) -> float:
     """Log-likelihood ratio of the true model over the re-calibrated base, nats, on held-out blocks.
 
     Band, blocks and whitening are those of a diagnosis. The truth is told in two ways, of which the better counts:
     to the filter, which then knows true modes and terms with their parameters; and to the regression, as signatures of
     the true terms with their true shapes, coefficients from the training blocks (a force that jumps between the samples
     leaves a filter worse off that pretends to know when). All may re-tune spring and damper on the training blocks.
+    A filter knows its terms all along, so that it is not asked about one that acts in part only.
 
     Parameters
     ----------
     recording : Recorded
     base, true : MachiningSystem
         One mode each, and the same sensor; the true one begins with the terms of the base.
+    between_s : (float, float), optional
+        Stretch in which the other terms act; all along if not given.
+    above : float, optional
+        Amplitude above which they act.
     """
     _, recorded = in_band(recording, base)
     sensor = base.sensor
     fitted = calibrate(recorded, Linear(base.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, true.spindle)).linear
     before = Innovations(recorded, fitted, base.terms)
-    signatures = [
-        before.force(applied.term, unit) for applied in true.terms[len(base.terms) :] for unit in _units(applied)
+    acts = acting(before, between_s, above)
+    forces = [
+        before.force(applied.term, unit) * acts for applied in true.terms[len(base.terms) :] for unit in _units(applied)
     ]
     nll = _held_out_nll(before, before.used)
-    gain = nll - _held_out_nll(before, before.used, before.respond(signatures))
+    gain = nll - _held_out_nll(before, before.used, before.respond(forces))
+    if not acts.all():
+        return gain
     try:
         after = Innovations(recorded, replace(fitted, modes=true.modes), true.terms)
     except Diverged:

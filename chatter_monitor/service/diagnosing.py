@@ -164,7 +164,8 @@ def true_gain(file: Path, model: Path, truth: Mapping[str, Any]) -> float:
     truth : mapping
         ``names`` with the one term, its ``parameters`` (coefficients that are not given are 0, a cutting speed is 1),
         ``frequency_hz`` and ``damping_ratio``; for a delay its ``amplitude``, of which the second number
-        is the delay in seconds (the speed in the model file may be off).
+        is the delay in seconds (the speed in the model file may be off); for what acts in part only ``time_s`` with the
+        one stretch, or ``amplitude_above``.
     """
     system = read_model(model)
     term = CATALOGUE[truth["names"][0]]
@@ -175,7 +176,8 @@ def true_gain(file: Path, model: Path, truth: Mapping[str, Any]) -> float:
     if term.delayed and spindle is not None:
         spindle = replace(spindle, speed_rpm=60.0 / (spindle.teeth * truth["amplitude"][1]))
     true = replace(system, modes=(mode,), terms=(*system.terms, applied), spindle=spindle)
-    return gain_of(_read(file, 0, None), system, true)
+    begin_end = truth.get("time_s") or [None]
+    return gain_of(_read(file, 0, None), system, true, begin_end[0], truth.get("amplitude_above"))
 
 
 def lines(report: Report) -> list[str]:

@@ -59,7 +59,7 @@ class Proving:
     jobs : int
         Processes.
     gauge : callable, optional
-        What the true models gain; called once the key is open, for effects of the catalogue that act all along.
+        What the true models gain; called once the key is open, for effects of the catalogue.
     """
 
     out: Path
@@ -156,7 +156,7 @@ class Proving:
         left = {
             name: truth
             for name, truth in truths.items()
-            if truth["family"] == "catalogue" and not (self._gains / f"{name}.json").exists()
+            if truth["family"] in ("catalogue", "part") and not (self._gains / f"{name}.json").exists()
         }
         with _progress("true models", len(left)) as advance:  # each takes less than another process takes to begin
             for name, truth in left.items():

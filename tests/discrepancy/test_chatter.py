@@ -9,7 +9,7 @@ import pytest
 import soundfile
 from click.testing import CliRunner
 
-from benchmarks.self_excited import RATE_HZ, draw, errors, growth_per_s, record
+from benchmarks.self_excited import RATE_HZ, draw, errors, growth_per_s, intervals_hold, record
 from chatter_monitor.cli import cli
 from chatter_monitor.discrepancy.conclude_chatter import conclude_chatter
 from chatter_monitor.discrepancy.diagnosis import recorded_from
@@ -57,11 +57,14 @@ def test_chatter_that_the_model_does_not_know_is_regeneration(chattering, tmp_pa
 
 
 def test_too_little_regeneration_in_the_model_is_told_by_how_much(chattering):
-    """A model with half of the regeneration that the limit takes gets it as strong as it is, and is told so."""
+    """A model with half of the limit's regeneration gets as much as there is, within the intervals, and is told so."""
     cut, samples, model = chattering
     weak = MachiningSystem(model.modes, cut.machine(0.5 * cut.limit).terms, spindle=model.spindle, sensor=model.sensor)
     found = conclude_chatter(recorded_from(samples, RATE_HZ), weak)
     assert found.report.terms[0].sense.endswith("times as strong as in the model")
+    assert all(intervals_hold(cut, found).values())
+    mode = found.report.calibration.after["mode.1.frequency_hz"]
+    assert 0.0 < mode.ci95[1] - mode.value < 0.02 * mode.value
     frequency, growth, amplitude = np.abs(errors(cut, found))
     assert frequency < 0.01
     assert growth < 0.2

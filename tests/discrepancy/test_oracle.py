@@ -40,6 +40,18 @@ def test_the_better_of_filter_and_regression_counts():
     assert 20.0 < wrong <= gain_of(hardening, BASE, with_cubic(coefficient(machine)))
 
 
+def test_what_acts_in_part_gains_where_it_acts():
+    """A clearance that opens for 3 of 8 s gains more told so than all along, and nothing told another stretch."""
+    machine = Machine("clearance", 0.06, between_s=(4.0, 7.0), **SHORT)
+    recording = recorded_from(record(machine, 125), machine.rate_hz)
+    clearance = AppliedTerm(CATALOGUE["clearance"], {"coefficient": coefficient(machine), "gap": 1.0})
+    true = MachiningSystem((Mode(220.0, 0.02),), (clearance,))
+    there = gain_of(recording, BASE, true, between_s=(4.0, 7.0))
+    assert there > 10.0
+    assert gain_of(recording, BASE, true) < there
+    assert gain_of(recording, BASE, true, between_s=(0.5, 3.5)) < 0.2 * there
+
+
 def test_the_truth_of_a_key_is_weighed_from_files(tmp_path):
     """A case of the proof: recording, base model, and the truth in the words of the key."""
     machine = Machine("cutting", 0.08, **SHORT)

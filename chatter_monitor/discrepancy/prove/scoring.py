@@ -50,7 +50,8 @@ class Judged(msgspec.Struct, frozen=True):
     ratios : dict of str to float
         Estimate over truth of the same.
     overlap : float, optional
-        Intersection over union of the stretch located and the true one.
+        Intersection over union of the stretch located and the true one; of the times at which a Gaussian motion swings
+        beyond the amplitude located and the true one.
     gain_nats : float, optional
         Held-out gain.
     bound_nats : float, optional
@@ -201,13 +202,25 @@ def judge(case: str, truth: Mapping[str, Any], report: Report | None, true_gain_
         sense_right=sense,
         inside=inside,
         ratios=ratios,
-        overlap=overlap(report.located.time_s, truth["time_s"]) if truth["time_s"] else None,
+        overlap=_located(report, truth),
         gain_nats=report.fit.gain_nats,
         p_values={m.name: m.p_value for m in report.located.maps},
         residual_white_p=report.fit.residual_white_p_after,
         elapsed_s=report.elapsed_s,
         **fixed,
     )
+
+
+def _located(report: Report, truth: Mapping[str, Any]) -> float | None:
+    """Overlap of what is located with where it acts; None where it acts all along."""
+    if truth["time_s"]:
+        return overlap(report.located.time_s, truth["time_s"])
+    if not truth.get("amplitude_above"):
+        return None
+    found = report.located.amplitude
+    both = sorted((found[0] if found else 0.0, truth["amplitude_above"]))
+    low, high = (each / truth["rms_displacement"] for each in both)
+    return math.exp(0.5 * (low**2 - high**2))
 
 
 def overlap(found: Sequence[Sequence[float]], true: Sequence[Sequence[float]]) -> float:
@@ -248,7 +261,7 @@ def count(judged: Sequence[Judged]) -> Score:
         "faults named": _rate(j.outcome == "right" for j in faults),
         "faults named as another thing": _rate(j.outcome == "wrong" for j in faults),
         "parameters inside their 95 % intervals": _rate(hit for j in hidden for hit in j.inside.values()),
-        "stretches located": _rate(j.overlap >= OVERLAP for j in judged if j.overlap is not None),
+        "effects in part located": _rate(j.overlap >= OVERLAP for j in judged if j.overlap is not None),
         "cases concealed": _rate(j.concealed for j in judged),
         "linear cases that look concealed": _rate(j.concealed for j in linear),
         "diagnoses that failed": _rate(j.outcome == "failed" for j in judged),

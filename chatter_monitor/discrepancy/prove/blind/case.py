@@ -22,7 +22,6 @@ LONG_S, SHORT_S = 20.0, 8.0
 SHORT_SHARE = 1 / 3
 FREQUENCY_HZ, DAMPING, SNR_DB, STRENGTH = (150.0, 1400.0), (0.008, 0.04), (26.0, 40.0), (0.01, 0.10)
 LEVEL = (0.02, 0.08)  # rms of the recording, about
-OPEN_S = 4.0  # of an effect that is there for part of the time
 _GENTLER = 0.7  # strength over the last one, where the machine did not bear it
 _ATTEMPTS = 8
 
@@ -193,10 +192,10 @@ def _hide(
 ) -> tuple[Hidden, Motion]:
     """The hidden force at the strength wanted, or as close below it as the machine bears, and the motion."""
     hidden = Hidden(effect.law, np.array([0.0, *effect.shapes(rng)]), machine.w)
-    above = rng.uniform(1.3, 1.9) if effect.family == "part" and effect.law == laws.DRY else 0.0
-    if effect.family == "part" and not above:
-        begin = rng.uniform(2.0, seconds - OPEN_S - 2.0)
-        hidden = hidden._replace(from_s=begin, until_s=begin + OPEN_S)
+    above = rng.uniform(*effect.above) if effect.above else 0.0
+    if effect.open_s is not None:
+        begin = rng.uniform(2.0, seconds - effect.open_s - 2.0)
+        hidden = hidden._replace(from_s=begin, until_s=begin + effect.open_s)
     if effect.law == laws.TONE:
         hidden = hidden._replace(p=np.array([0.0, machine.w * rng.uniform(0.3, 1.7), rng.uniform(0.0, 6.28)]))
     if effect.law == laws.DRIFT:  # 2 p x is what drifts, its rms 1 / sqrt(3) of the ends

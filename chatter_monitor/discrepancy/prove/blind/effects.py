@@ -54,6 +54,10 @@ class Effect:
         The truth in the words of a report.
     most : float
         Largest strength that leaves the motion bounded.
+    open_s : float, optional
+        It acts for so long only, somewhere in the recording.
+    above : (float, float), optional
+        It acts above an amplitude only, drawn from that range, in rms displacements.
     """
 
     kind: str
@@ -67,6 +71,8 @@ class Effect:
     units: str = ""
     parameters: Parameters | None = None
     most: float = 0.10
+    open_s: float | None = None
+    above: tuple[float, float] | None = None
 
 
 def _named(
@@ -161,8 +167,16 @@ PART = (
         family="part",
         shapes=lambda rng: [rng.uniform(0.5, 1.0)],
         units="x",
+        open_s=4.0,
     ),
-    _named("coulomb above an amplitude", "coulomb_friction", laws.DRY, _coefficient, family="part"),
+    _named(
+        "coulomb above an amplitude",
+        "coulomb_friction",
+        laws.DRY,
+        _coefficient,
+        family="part",
+        above=(1.3, 1.9),
+    ),
 )
 
 OUTSIDE = (

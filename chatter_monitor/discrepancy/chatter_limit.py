@@ -1,0 +1,112 @@
+"""The limit of a cut that chatters: where the vibration stays the tool leaves the cut, and its size tells the chip's.
+
+The amplitude of the limit is fitted, so what a simulation can be held to is its frequency, and the chip where it is
+known.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal as dsp
+
+from chatter_monitor.discrepancy.chatter import Regeneration, Vibration
+from chatter_monitor.errors import InputError
+from chatter_monitor.physics.model import MachiningSystem
+from chatter_monitor.physics.parts import AppliedTerm
+from chatter_monitor.physics.simulate import simulate
+from chatter_monitor.physics.terms import CATALOGUE
+
+_RUN_S, _RUNS = 6.0, 3
+_CLOSE = 0.02  # to which runs reach the recording's amplitude
+
+
+def augmented(found: Vibration, made: Regeneration, system: MachiningSystem) -> MachiningSystem:
+    """The machine with regeneration that makes the vibration; it leaves the cut where the vibration stays.
+
+    The motion is as large as the chip is thick, other things equal, so a run tells which chip belongs to an amplitude.
+    """
+    spindle = system.spindle
+    if spindle is None:
+        raise ValueError("regeneration has a spindle")
+    modes = list(system.modes)
+    modes[found.mode] = made.mode
+    terms = [applied for applied in system.terms if not applied.term.delayed]
+    # What the mode alone makes of its noise, as loud as it was before: var(x) = pi S_0 / (2 zeta w^3), and the median
+    # of its amplitude is sqrt(2 log 2) times the root of that.
+    variance = found.quiet**2 / (2.0 * math.log(2.0))
+    intensity = 2.0 * made.mode.damping_ratio * made.mode.omega**3 * variance / math.pi
+    excitation = replace(system.excitation, intensity=intensity)
+    system = replace(
+        system,
+        modes=tuple(modes),
+        spindle=replace(spindle, speed_rpm=60.0 / (spindle.teeth * made.delay_s)),
+        excitation=excitation if excitation.kind != "measured" else system.excitation,
+    )
+    if not math.isfinite(found.plateau):
+        delay = AppliedTerm(CATALOGUE["regenerative_delay"], {"coefficient": made.coefficient})
+        return replace(system, terms=(*terms, delay))
+    chip = found.plateau
+    model = system
+    for _ in range(_RUNS):
+        cut = AppliedTerm(CATALOGUE["loss_of_contact"], {"coefficient": made.coefficient, "chip_thickness": chip})
+        model = replace(system, terms=(*terms, cut))
+        reached = plateau_of(model)
+        if reached is None or abs(reached[0] / found.plateau - 1.0) < _CLOSE:
+            break
+        chip *= found.plateau / reached[0]
+    return model
+
+
+def plateau_of(system: MachiningSystem, seed: int = 1) -> tuple[float, float] | None:
+    """Amplitude at which a simulated cut stays, u, and its frequency, Hz; None if it does not stay."""
+    rate = 16.0 * max(mode.frequency_hz for mode in system.modes)
+    try:
+        run = simulate(system, _RUN_S, seed, rate, settle_s=0.1).displacement
+    except InputError:
+        return None
+    late = run[int(0.7 * run.size) :]
+    frequency, density = dsp.periodogram(late * np.hanning(late.size), rate, nfft=8 * late.size)
+    return float(np.sqrt(2.0) * np.std(late)), float(frequency[np.argmax(density)])
+
+
+def chip_sd(made: Regeneration, model: MachiningSystem, number: int) -> float:
+    """Standard deviation of the chip thickness: what else it would be with the mode and the coefficient elsewhere.
+
+    Parameters
+    ----------
+    made : Regeneration
+    model : MachiningSystem
+        As from `augmented`, with a chip.
+    number : int
+        Of the mode that chatters, from 0.
+
+    Returns
+    -------
+    float
+        A vibration that would not stay with a parameter one standard deviation away counts as a factor of e.
+    """
+    chip, here = model.terms[-1].parameters["chip_thickness"], plateau_of(model)
+    if here is None:
+        return chip
+    variance = _CLOSE**2
+    for column in np.linalg.cholesky(made.covariance).T:
+        there = [plateau_of(_shifted(made, model, number, sign * column)) for sign in (1.0, -1.0)]
+        variance += float(np.mean([math.log(at[0] / here[0]) ** 2 if at else 1.0 for at in there]))
+    return chip * math.sqrt(variance)
+
+
+def _shifted(made: Regeneration, model: MachiningSystem, number: int, change: NDArray[np.float64]) -> MachiningSystem:
+    """The model with another frequency, damping ratio and coefficient."""
+    mode = replace(
+        made.mode,
+        frequency_hz=made.mode.frequency_hz + float(change[0]),
+        damping_ratio=max(made.mode.damping_ratio + float(change[1]), 1e-4),
+    )
+    *terms, cut = model.terms
+    coefficient = max(made.coefficient + float(change[2]), 0.0)
+    cut = AppliedTerm(cut.term, {**cut.parameters, "coefficient": coefficient})
+    return replace(model, modes=(*model.modes[:number], mode, *model.modes[number + 1 :]), terms=(*terms, cut))
