@@ -329,8 +329,9 @@ def _fitted(case: Case, model: _Model, beat: _Fitted | None = None) -> _Fitted |
         fitted_here = fitted_here + case.columns.get("lagged", [])
     columns += [case.matrix[i] for i in case.evidence.nuisance if i not in fitted_here]
     # The whitener is fitted anew to every model, so its taps are parameters as well; their slopes are errors before.
-    columns += [np.concatenate([np.zeros(lag), inn.errors[:-lag]]) for lag in range(1, ORDER + 1)]
-    evidence = Evidence(inn.white, np.array(columns), weight, [], case.evidence.block)
+    earlier = np.concatenate([np.zeros(ORDER), inn.errors])
+    columns += [earlier[ORDER - lag : -lag] for lag in range(1, ORDER + 1)]
+    evidence = Evidence(inn.white, columns, weight, [], case.evidence.block)
     total = evidence.over(evidence.everything)
     knobs = len(model.knobs)
     free, others = list(range(knobs)), list(range(knobs, len(columns)))

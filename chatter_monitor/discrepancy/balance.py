@@ -23,10 +23,11 @@ from chatter_monitor.discrepancy import basis
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.case import BLOCK_S
 from chatter_monitor.discrepancy.evidence import Evidence
-from chatter_monitor.discrepancy.innovations import rate_of, substeps_of
+from chatter_monitor.discrepancy.innovations import tried_forces
 from chatter_monitor.discrepancy.whitening import ORDER, trusted, whitened, whitener
 from chatter_monitor.errors import InputError
-from chatter_monitor.kernels.signatures import AHEAD, Motion, Observer, force_along
+from chatter_monitor.kernels.forces_along import forces_along
+from chatter_monitor.kernels.signatures import AHEAD, Motion, Observer
 from chatter_monitor.physics.terms import Term
 
 Vector = NDArray[np.float64]
@@ -85,9 +86,8 @@ class Balance:
             np.zeros((1, 1)), np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1), 0.0, np.zeros((2, 1)),
             np.zeros((AHEAD + 1, 2, 2)), np.zeros(2), self.step_s, 1.0, 0.0, 0.0,
         )  # fmt: skip
-        out = np.empty((2, self.present.size))
-        how = term.compiled_force.address, rate_of(term), substeps_of(term)
-        force_along(still, self.motion, self.present, *how, np.array(values, dtype=np.float64), out)
+        [out] = force = np.empty((1, 2, self.present.size))
+        forces_along(still, self.motion, self.present, tried_forces([(term, values)]), force)
         # The ends of two straight lines meet at each sample.
         return np.concatenate([out[0, :1], 0.5 * (out[0, 1:] + out[1, :-1])])
 

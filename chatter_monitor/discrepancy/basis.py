@@ -65,7 +65,7 @@ def surface(innovations: Innovations) -> Matrix:
     sd_x, sd_v = scales(innovations.motion)
     over_x = splines(innovations.motion.x / sd_x, BUMPS, -REACH, REACH)
     over_v = splines(innovations.motion.v / sd_v, BUMPS, -REACH, REACH)
-    return innovations.respond((over_x[:, None] * over_v).reshape(-1, *over_v.shape[1:]))
+    return innovations.respond(over_x, over_v)
 
 
 def surface_at(coefficients: Matrix, x: Matrix, v: Matrix) -> Matrix:
@@ -81,7 +81,7 @@ def by_amplitude(innovations: Innovations) -> Matrix:
     amplitude = np.hypot(motion.x / sd_x, motion.v / sd_v)
     bumps = splines(amplitude, AMPLITUDES, 0.0, 3.5)
     w = sd_v / sd_x
-    return innovations.respond([bump * state for state in (w * w * motion.x, w * motion.v) for bump in bumps])
+    return innovations.respond([w * w * motion.x, w * motion.v], bumps)
 
 
 def by_memory(innovations: Innovations) -> Matrix:
@@ -90,13 +90,12 @@ def by_memory(innovations: Innovations) -> Matrix:
     sd_x, sd_v = scales(motion)
     energy = 0.5 * ((motion.x / sd_x) ** 2 + (motion.v / sd_v) ** 2)
     w = sd_v / sd_x
-    forces = []
+    followed = []
     for memory_s in MEMORIES_S:
         kept = float(np.exp(-innovations.observer.step_s / memory_s))
         past = dsp.lfilter([1.0 - kept], [1.0, -kept], energy[0])
-        follows = np.stack([past, kept * past + (1.0 - kept) * energy[1]])
-        forces += [w * w * follows * motion.x, w * follows * motion.v]
-    return innovations.respond(forces)
+        followed.append(np.stack([past, kept * past + (1.0 - kept) * energy[1]]))
+    return innovations.respond(followed, [w * w * motion.x, w * motion.v])
 
 
 def along_time(innovations: Innovations) -> Matrix:
@@ -104,8 +103,8 @@ def along_time(innovations: Innovations) -> Matrix:
     motion = innovations.motion
     n = motion.x.shape[1]
     phase = np.pi * (np.arange(n) + 0.5) / n
-    waves = [np.cos(k * phase) for k in range(1, WAVES + 1)]
-    return innovations.respond([wave * state for state in (motion.x, motion.v) for wave in waves])
+    waves = [np.broadcast_to(np.cos(k * phase), (2, n)) for k in range(1, WAVES + 1)]
+    return innovations.respond([motion.x, motion.v], waves)
 
 
 def along_angle(innovations: Innovations) -> Matrix:
@@ -117,11 +116,5 @@ def along_angle(innovations: Innovations) -> Matrix:
     n = motion.x.shape[1]
     angle = innovations.observer.turn * np.stack([np.arange(n), np.arange(1, n + 1)])
     orders = sorted(set(range(1, HARMONICS + 1)) | {k * spindle.teeth for k in range(1, HARMONICS + 1)})
-    return innovations.respond(
-        [
-            wave(k * angle) * state
-            for k in orders
-            for state in (np.ones_like(motion.x), motion.x)
-            for wave in (np.cos, np.sin)
-        ]
-    )
+    waves = [wave(k * angle) for k in orders for wave in (np.cos, np.sin)]
+    return innovations.respond(waves, [np.ones_like(motion.x), motion.x])

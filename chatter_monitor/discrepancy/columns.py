@@ -97,7 +97,7 @@ def beside(case: Case, inn: Innovations, fitted: Sequence[Vector], first: Candid
 
     others = [candidate for candidate, _ in case.contest.entries if candidate.name != first.name]
     entries = _entries(inn, others, add)
-    evidence = Evidence(inn.white, np.array(columns), case.weight, range(len(fitted)), case.evidence.block)
+    evidence = Evidence(inn.white, columns, case.weight, range(len(fitted)), case.evidence.block)
     return Contest(evidence, entries)
 
 

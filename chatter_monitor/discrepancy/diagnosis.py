@@ -210,7 +210,7 @@ def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector]) -> tupl
     for name, family in families.items():
         groups[name] = list(range(len(columns), len(columns) + len(family)))
         columns.extend(family)
-    evidence = Evidence(inn.white, np.array(columns), case.weight, list(range(len(fitted))), case.evidence.block)
+    evidence = Evidence(inn.white, columns, case.weight, list(range(len(fitted))), case.evidence.block)
     maps = [subspace_map(name, evidence, index) for name, index in groups.items()]
     return ceiling(evidence, groups["phase_plane"], case.training), maps
 

@@ -12,10 +12,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, stats
+
+from chatter_monitor.discrepancy.side_by_side import each
 
 Vector = NDArray[np.float64]
 _TINY = 1e-9
@@ -47,7 +50,7 @@ class Evidence:
     ----------
     errors : ndarray of float64, shape (n,)
         Whitened prediction errors.
-    columns : ndarray of float64, shape (c, n)
+    columns : c times ndarray of float64, shape (n,)
         Whitened signatures.
     weight : ndarray of float64, shape (n,)
         Reciprocal of the standard deviation of the errors; 0 for samples not to be used.
@@ -58,19 +61,29 @@ class Evidence:
     """
 
     def __init__(
-        self, errors: Vector, columns: NDArray[np.float64], weight: Vector, nuisance: Sequence[int], block: int
+        self,
+        errors: Vector,
+        columns: Sequence[Vector] | NDArray[np.float64],
+        weight: Vector,
+        nuisance: Sequence[int],
+        block: int,
     ) -> None:
         self.nuisance = list(nuisance)
         count = max(1, errors.size // block)
         self.block = block
-        size = columns.shape[0] + 1
-        self.products = np.empty((count, size, size))
-        self.samples = np.empty(count)
-        for b in range(count):
-            part = slice(b * block, (b + 1) * block if b < count - 1 else errors.size)
-            rows = np.concatenate([errors[None, part], columns[:, part]]) * weight[part]
-            self.products[b] = rows @ rows.T
-            self.samples[b] = np.count_nonzero(weight[part])
+        rows = [errors, *columns]
+        edges = [*(b * block for b in range(count)), errors.size]
+        self.products = np.empty((count, len(rows), len(rows)))
+        self.samples = np.array([np.count_nonzero(weight[a:z]) for a, z in pairwise(edges)], dtype=np.float64)
+
+        def products(b: int) -> None:
+            part = slice(edges[b], edges[b + 1])
+            weighted = np.empty((len(rows), edges[b + 1] - edges[b]))
+            for row, into in zip(rows, weighted, strict=True):
+                np.multiply(row[part], weight[part], out=into)
+            self.products[b] = weighted @ weighted.T
+
+        each(products, range(count))
 
     def only(self, blocks: NDArray[np.bool_]) -> Evidence:
         """The evidence of some blocks."""

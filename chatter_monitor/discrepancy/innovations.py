@@ -13,12 +13,16 @@ from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.observer import Linear, observer, sized
 from chatter_monitor.discrepancy.side_by_side import each
 from chatter_monitor.discrepancy.whitening import ORDER, trusted, whitened, whitener
-from chatter_monitor.kernels.signatures import SMOOTH, SUBSTEPS, Forces, Motion, force_along, observe, signatures
+from chatter_monitor.kernels.forces import MOST_PARAMETERS
+from chatter_monitor.kernels.forces_along import Tried, forces_along
+from chatter_monitor.kernels.responses import LANES, response_of, signatures, unseen_of
+from chatter_monitor.kernels.signatures import SMOOTH, SUBSTEPS, Forces, Motion, observe
 from chatter_monitor.physics.parts import AppliedTerm
 from chatter_monitor.physics.terms import Term
 
 Vector = NDArray[np.float64]
-_SIDE_BY_SIDE = 16  # signatures: enough for the processor's vectors, and few enough for its caches
+Matrix = NDArray[np.float64]
+_SIDE_BY_SIDE = 8  # terms: few enough for a share to each core
 _MEMORY_DECAYS = 5.0  # samples before a used one that have to be there, in decay times of the filter
 
 
@@ -31,6 +35,19 @@ def known_forces(terms: Sequence[AppliedTerm]) -> Forces:
         np.array([substeps_of(applied.term) for applied in terms], dtype=np.int64),
         np.array(columns[:-1], dtype=np.int64),
         np.array([value for applied in terms for value in applied.values] or [0.0]),
+    )
+
+
+def tried_forces(terms: Sequence[tuple[Term, Sequence[float]]]) -> Tried:
+    """Terms and their parameters as the kernels take them that evaluate forces along rows."""
+    parameters = np.zeros((len(terms), MOST_PARAMETERS))
+    for row, (_, values) in zip(parameters, terms, strict=True):
+        row[: len(values)] = values
+    return Tried(
+        np.array([term.compiled_row.address for term, _ in terms], dtype=np.int64),
+        np.array([rate_of(term) for term, _ in terms], dtype=np.int64),
+        np.array([substeps_of(term) for term, _ in terms], dtype=np.int64),
+        parameters,
     )
 
 
@@ -114,35 +131,46 @@ class Innovations:
         slowest = min(float(np.max(np.abs(np.linalg.eigvals(closed)))), 0.9999)
         return min(math.ceil(_MEMORY_DECAYS / max(1e-3, -math.log(slowest))), self.recorded.samples.size // 20)
 
-    def force(self, term: Term, values: Sequence[float]) -> NDArray[np.float64]:
-        """Force of a term along the motion, shape (2, n); see `kernels.signatures.force_along`."""
-        out = np.empty((2, self.errors.size))
-        parameters = np.array(values, dtype=np.float64)
-        how = term.compiled_force.address, rate_of(term), substeps_of(term)
-        force_along(self.observer, self.motion, self.settled, *how, parameters, out)
-        return out
+    def force(self, term: Term, values: Sequence[float]) -> Matrix:
+        """Force of one term along the motion, shape (2, n)."""
+        return np.asarray(self.forces([(term, values)])[0])
 
-    def respond(self, forces: Sequence[NDArray[np.float64]] | NDArray[np.float64]) -> NDArray[np.float64]:
-        """Whitened signatures of forces.
-
-        Parameters
-        ----------
-        forces : sequence of ndarray of float64, shape (2, n); or ndarray of float64, shape (m, 2, n)
-            As functions of the state of `motion`, or from `force`.
-
-        Returns
-        -------
-        ndarray of float64, shape (len(forces), n)
-        """
-        found = np.empty((len(forces), self.errors.size))
+    def forces(self, terms: Sequence[tuple[Term, Sequence[float]]]) -> Matrix:
+        """Forces of terms along the motion, shape (len(terms), 2, n); see `kernels.forces_along`."""
+        out = np.empty((len(terms), 2, self.errors.size))
 
         def some(first: int) -> None:
             part = slice(first, first + _SIDE_BY_SIDE)
-            signatures(self.observer, np.asarray(forces[part]), self.recorded.missing, self.taps, found[part])
+            forces_along(self.observer, self.motion, self.settled, tried_forces(terms[part]), out[part])
 
-        each(some, range(0, len(forces), _SIDE_BY_SIDE))
+        each(some, range(0, len(terms), _SIDE_BY_SIDE))
+        return out
+
+    def respond(self, left: Sequence[Matrix] | Matrix, right: Sequence[Matrix] | Matrix | None = None) -> Matrix:
+        """Whitened signatures of forces, as functions of the state of `motion`, or from `forces`.
+
+        Parameters
+        ----------
+        left : a times ndarray of float64, shape (2, n)
+        right : b times ndarray of float64, shape (2, n), optional
+            Each force is the product of two factors, one of these and one of those; 1 if not given.
+
+        Returns
+        -------
+        ndarray of float64, shape (a b, n)
+            Those of one left factor beside each other.
+        """
+        n = self.errors.size
+        one, other = np.asarray(left), np.ones((1, 2, n)) if right is None else np.asarray(right)
+        found = np.empty((len(one) * len(other), n))
+        how = response_of(self.observer, self.taps), unseen_of(self.observer, self.taps)
+
+        def some(first: int) -> None:
+            signatures(*how, one, other, first, self.recorded.missing, found[first : first + LANES])
+
+        each(some, range(0, len(found), LANES))
         return found
 
-    def of_terms(self, terms: Sequence[tuple[Term, Sequence[float]]]) -> NDArray[np.float64]:
+    def of_terms(self, terms: Sequence[tuple[Term, Sequence[float]]]) -> Matrix:
         """Whitened signatures of terms with their parameters, shape (len(terms), n)."""
-        return self.respond(each(lambda one: self.force(*one), terms))
+        return self.respond(self.forces(terms))

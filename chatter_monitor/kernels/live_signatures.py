@@ -12,11 +12,11 @@ from numba import njit
 
 from chatter_monitor.kernels.forces import call_force, call_row
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.signatures import SMOOTH, Motion, delayed
+from chatter_monitor.kernels.responses import LANES, carry, respond, whiten
+from chatter_monitor.kernels.signatures import SMOOTH, Motion, about, delayed, on_step
 
 NODES = 4  # per step, at which forces that jump are evaluated
 FEW = 64  # samples that go through a stage together
-LANES = 16  # columns that go side by side
 _ITERATIONS = 2  # of the predicted step with the forces that the observer knows
 _GAUSS = 0.5 / np.sqrt(3.0)
 
@@ -33,15 +33,6 @@ class Path(NamedTuple):
     past: np.ndarray  # (p,) displacements: FEW samples, and before them those of the longest delay
 
 
-class Tried(NamedTuple):
-    """Forces whose signatures are wanted."""
-
-    rows: np.ndarray  # (c,) addresses of terms for `call_row`
-    rates: np.ndarray  # (c,) addresses of the rates of their memory, for `call_force`; 0 for none
-    substeps: np.ndarray  # (c,) SMOOTH or NODES
-    parameters: np.ndarray  # (c, MOST_PARAMETERS)
-
-
 class Along(NamedTuple):
     """Scratch: the motion over FEW samples, and forces along it."""
 
@@ -53,25 +44,6 @@ class Along(NamedTuple):
     between: np.ndarray  # (2, NODES * FEW) memory at the nodes: none, and that of a term
     along: np.ndarray  # (NODES * FEW,) force at the nodes
     force: np.ndarray  # (2, FEW)
-
-
-class Response(NamedTuple):
-    """How the error d of the predicted state, n numbers, answers to a force; eliminated from `Observer`.
-
-    With phi(k) the force at sample k once that is known, and p(k) as it was predicted (over the step before, for a
-    sensor that does not feel it),
-
-        s(k)   = H d(k) + D p(k)
-        d(k+1) = M d(k) + a phi(k) + b p(k+1) + c p(k)
-    """
-
-    closed: np.ndarray  # (n, n) M
-    known: np.ndarray  # (n,) a
-    ahead: np.ndarray  # (n,) b
-    before: np.ndarray  # (n,) c
-    output: np.ndarray  # (n,) H
-    feed: np.ndarray  # (1,) D
-    taps: np.ndarray  # (t,) of the filter that whitens s
 
 
 class Answers(NamedTuple):
@@ -90,22 +62,6 @@ class Answers(NamedTuple):
 def position(substeps, i):
     """Where on a step, from 0 to 1, a force is evaluated: Gauss points for one that does not jump."""
     return 0.5 + (2 * i - 1) * _GAUSS if substeps == SMOOTH else (i + 0.5) / substeps
-
-
-@njit(**OPTIONS)
-def on_step(s, x0, v0, x1, v1, step_s):
-    """Displacement and velocity on a step over which the tool moves along a cubic."""
-    r = 1.0 - s
-    x = r * r * (1.0 + 2.0 * s) * x0 + s * s * (1.0 + 2.0 * r) * x1 + step_s * s * r * (r * v0 - s * v1)
-    v = 6.0 * s * r * (x1 - x0) / step_s + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
-    return x, v
-
-
-@njit(**OPTIONS)
-def about(s, x, v, omega, step_s):
-    """Displacement and velocity from half a step before a sample to half a step after."""
-    t = (s - 0.5) * step_s
-    return x + t * v, v - t * omega * omega * x
 
 
 @njit(**OPTIONS)
@@ -382,53 +338,6 @@ def forces_of(observer, tried, linear, first, lanes, path, along, begins, ends):
     path.last[0], path.last[1] = motion.x[0, FEW - 1], motion.v[0, FEW - 1]
 
 
-@njit(**OPTIONS)
-def carry(rows, few):
-    """Begin with the last of `rows` but the first `few` values, which are what is new each time."""
-    for i in range(rows.size - few):
-        rows[i] = rows[few + i]
-
-
-@njit(**OPTIONS)
-def respond(response, lanes, answers):
-    """Signatures of the forces in `answers` over FEW samples; see `Response`."""
-    r, few, order = response, FEW * lanes, response.output.size
-    states, begins, ahead, before = answers.states, answers.begins, answers.ends[lanes:], answers.ends
-    for i in range(order):
-        row, a, b, c = states[i, lanes:], r.known[i], r.ahead[i], r.before[i]
-        for k in range(few):
-            row[k] = a * begins[k] + b * ahead[k] + c * before[k]
-    for at in range(0, few, LANES):
-        for i in range(order):
-            row = states[i, at + lanes : at + lanes + LANES]
-            for j in range(order):
-                factor, other = r.closed[i, j], states[j, at : at + LANES]
-                for c in range(LANES):
-                    row[c] += factor * other[c]
-    signature = answers.raw[answers.raw.size - few :]
-    for k in range(few):
-        signature[k] = r.feed[0] * before[k]
-    for i in range(order):
-        row, factor = states[i], r.output[i]
-        for k in range(few):
-            signature[k] += factor * row[k]
-
-
-@njit(**OPTIONS)
-def whiten(taps, lanes, raw, white):
-    """Filter of finite length along rows, four taps at a time: sums are fetched and put back a quarter as often."""
-    size, last = white.size, (taps.size - 1) * lanes
-    now = raw[last:]
-    for i in range(size):
-        white[i] = taps[0] * now[i]
-    for lag in range(1, taps.size, 4):
-        t0, t1, t2, t3 = taps[lag], taps[lag + 1], taps[lag + 2], taps[lag + 3]
-        at = last - lag * lanes
-        r0, r1, r2, r3 = raw[at:], raw[at - lanes :], raw[at - 2 * lanes :], raw[at - 3 * lanes :]
-        for i in range(size):
-            white[i] += t0 * r0[i] + t1 * r1[i] + t2 * r2[i] + t3 * r3[i]
-
-
 @njit(cache=True, nogil=True)
 def watch(observer, known, tried, linear, response, y, missing, first, path, along, answers, white):
     """Whitened prediction errors of the next samples, and whitened signatures beside them.
@@ -468,6 +377,6 @@ def watch(observer, known, tried, linear, response, y, missing, first, path, alo
         for n in range(response.output.size):
             carry(answers.states[n], few)
         forces_of(observer, tried, linear, first + at, lanes, path, along, answers.begins, answers.ends[lanes:])
-        respond(response, lanes, answers)
+        respond(response, lanes, answers.begins, answers.ends, answers.states, answers.raw[answers.raw.size - few :])
         put(answers.raw[answers.raw.size - few :], lanes, 0, along.errors)
         whiten(response.taps, lanes, answers.raw, white[part].reshape(few))

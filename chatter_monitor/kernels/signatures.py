@@ -1,16 +1,8 @@
-"""Prediction errors of a machine, and how a force that the model lacks would show in them.
+"""Prediction errors of a machine.
 
 An `Observer` predicts the next sample of a recording from those before it: the steady Kalman filter of the linear
 machine, which knows forces of the catalogue besides. Between two samples forces change linearly, and that linear part
-is discretised exactly. If the machine has one more force phi per unit mass, the error d of the predicted state obeys
-
-    s(k)   = H d(k) + D phi(k)
-    d(k+1) = Phi [d(k) - K s(k)] + Gamma_0 phi(k) + Gamma_1 phi(k+1)
-
-and s, the *signature* of the force, is what it adds to the prediction errors. In s, phi(k+1) is taken at the state
-predicted from the samples up to k: a state that has seen sample k+1 would leak what is to be predicted. Once it is
-seen, a sensor that feels the force (D is not 0) has told the filter what phi really was, and d goes on with phi at the
-state that has seen it.
+is discretised exactly.
 """
 
 from typing import NamedTuple
@@ -31,10 +23,8 @@ NODES = (*((i + 0.5) / SUBSTEPS for i in range(SUBSTEPS)), 0.5 - _GAUSS, 0.5 + _
 BEFORE, AFTER, SEEN, AHEAD = 0, len(NODES), 2 * len(NODES), 2 * len(NODES) + 1
 # What jumps is averaged over a normal variable at both signs of two values, and at two others at every second node:
 # medians of eight shares of it, the outer ones smaller, because a far crossing of zero counts as well.
-_MEDIANS = ((0.266, 2.054), (0.824, 1.405))
-_SHARES = ((0.42, 0.08), (0.34, 0.16))
-_FEW = 64  # even: the state is where it was after so many steps
-_NOTHING = 1e-100  # what has died away so far is taken for 0: numbers near the smallest cost a hundred times as much
+MEDIANS = ((0.266, 2.054), (0.824, 1.405))
+SHARES = ((0.42, 0.08), (0.34, 0.16))
 
 
 class Observer(NamedTuple):
@@ -91,19 +81,35 @@ def averaged(address, jumps, x, v, lagged, angle, omega, z, parameters, spread, 
     A force that jumps does so where the velocity, the first column of the spread, is 0. Anywhere else each column in
     turn gives two cubature points.
     """
-    if jumps and abs(v) < _MEDIANS[0][1] * abs(spread[1, 0]):
+    if jumps and abs(v) < MEDIANS[0][1] * abs(spread[1, 0]):
         force = 0.0
         for i in range(2):
-            dx, dv = _MEDIANS[turn_of][i] * spread[0, 0], _MEDIANS[turn_of][i] * spread[1, 0]
+            dx, dv = MEDIANS[turn_of][i] * spread[0, 0], MEDIANS[turn_of][i] * spread[1, 0]
             both = call_force(address, x + dx, v + dv, lagged, angle, omega, z, parameters)
             both += call_force(address, x - dx, v - dv, lagged, angle, omega, z, parameters)
-            force += _SHARES[turn_of][i] * both
+            force += SHARES[turn_of][i] * both
         return force
     far = 1.0 if jumps else 1.4142135623730951
     column = 0 if jumps else turn_of
     dx, dv = far * spread[0, column], far * spread[1, column]
     force = call_force(address, x + dx, v + dv, lagged, angle, omega, z, parameters)
     return 0.5 * (force + call_force(address, x - dx, v - dv, lagged, angle, omega, z, parameters))
+
+
+@njit(**OPTIONS)
+def on_step(s, x0, v0, x1, v1, step_s):
+    """Displacement and velocity on a step over which the tool moves along a cubic, s from 0 to 1."""
+    r = 1.0 - s
+    x = r * r * (1.0 + 2.0 * s) * x0 + s * s * (1.0 + 2.0 * r) * x1 + step_s * s * r * (r * v0 - s * v1)
+    v = 6.0 * s * r * (x1 - x0) / step_s + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
+    return x, v
+
+
+@njit(**OPTIONS)
+def about(s, x, v, omega, step_s):
+    """Displacement and velocity from half a step before a sample to half a step after, s from 0 to 1."""
+    t = (s - 0.5) * step_s
+    return x + t * v, v - t * omega * omega * x
 
 
 @njit(**OPTIONS)
@@ -124,11 +130,9 @@ def over_step(
     for i in range(substeps):
         node = SUBSTEPS + i if smooth else i
         s = NODES[node]
-        r = 1.0 - s
-        x = r * r * (1.0 + 2.0 * s) * x0 + s * s * (1.0 + 2.0 * r) * x1 + step_s * s * r * (r * v0 - s * v1)
-        v = 6.0 * s * r * (x1 - x0) / step_s + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
-        lagged = r * lagged0 + s * lagged1
-        z = r * z0 + s * z1
+        x, v = on_step(s, x0, v0, x1, v1, step_s)
+        lagged = (1.0 - s) * lagged0 + s * lagged1
+        z = (1.0 - s) * z0 + s * z1
         turned = angle + s * turn
         force = averaged(address, not smooth, x, v, lagged, turned, omega, z, parameters, spread[when + node], i % 2)
         mean += force
@@ -151,9 +155,9 @@ def at_sample(address, substeps, x0, v0, lagged, angle, turn, omega, z, paramete
         return 0.5 * (force + averaged(address, False, x0, v0, lagged, angle, omega, z, parameters, spread, 1))
     mean = 0.0
     for i in range(substeps):
-        s = ((i + 0.5) / substeps - 0.5) * step_s
-        x, v = x0 + s * v0, v0 - s * omega * omega * x0
-        turned = angle + turn * s / step_s
+        s = NODES[i]
+        x, v = about(s, x0, v0, omega, step_s)
+        turned = angle + turn * (s - 0.5)
         mean += averaged(address, True, x, v, lagged, turned, omega, z, parameters, spread, i % 2)
     return mean / substeps
 
@@ -297,161 +301,3 @@ def observe(observer, known, y, missing, settled, errors, motion):
         motion.x[1, k] = xp
         motion.v[1, k] = vp
         motion.lagged[1, k] = lagged_next
-
-
-@njit(**OPTIONS)
-def force_along(observer, motion, settled, address, rate_address, substeps, parameters, force):
-    """Evaluate one term along the motion.
-
-    Parameters
-    ----------
-    observer : Observer
-    motion : Motion
-    settled : ndarray of bool, shape (n,)
-        As for `observe`.
-    address, rate_address : int
-        Of the compiled term and of the rate of its memory (0 for none).
-    substeps : int
-        SUBSTEPS or SMOOTH.
-    parameters : ndarray of float64, shape (p,)
-    force : ndarray of float64, shape (2, n)
-        Filled with the force over the step from sample k as a straight line, at its beginning and its end; for a
-        sensor that feels the force, with the force at sample k once it is known, and with what is predicted for k + 1.
-    """
-    p = parameters.ctypes.data
-    z = 0.0
-    omega, step = observer.omega, observer.step_s
-    turn, spread = observer.turn, observer.spread
-    for k in range(force.shape[1]):
-        if not settled[k]:
-            force[0, k] = force[1, k] = 0.0
-            z = 0.0
-            continue
-        angle = turn * k
-        x, v, lagged = motion.x[0, k], motion.v[0, k], motion.lagged[0, k]
-        xp, vp, lp = motion.x[1, k], motion.v[1, k], motion.lagged[1, k]
-        ahead = z
-        if rate_address != 0:
-            ahead = remembered(rate_address, x, v, xp, vp, lp, angle, omega, z, p, step)
-        if observer.feed != 0.0:
-            force[0, k] = at_sample(address, substeps, x, v, lagged, angle, turn, omega, z, p, spread[SEEN], step)
-            force[1, k] = at_sample(
-                address, substeps, xp, vp, lp, angle + turn, turn, omega, ahead, p, spread[AHEAD], step
-            )
-        else:
-            force[0, k], force[1, k] = over_step(
-                address, substeps, x, v, xp, vp, lagged, lp, angle, turn, omega, z, ahead, p, spread, BEFORE, step
-            )
-        if rate_address != 0 and k + 1 < force.shape[1]:
-            xn, vn, ln = motion.x[0, k + 1], motion.v[0, k + 1], motion.lagged[0, k + 1]
-            z = remembered(rate_address, x, v, xn, vn, ln, angle, omega, z, p, step)
-
-
-@njit(cache=True, nogil=True)
-def signatures(observer, force, missing, taps, out):
-    """Signatures of several forces at once, side by side, passed through a filter of finite length.
-
-    Parameters
-    ----------
-    observer : Observer
-    force : ndarray of float64, shape (m, 2, n)
-        Each as `force_along` fills it, or a function of the state as known and as predicted.
-    missing : ndarray of bool, shape (n,)
-    taps : ndarray of float64, shape (t,)
-        The filter.
-    out : ndarray of float64, shape (m, n)
-        Filled with what each force adds to the filtered prediction errors.
-    """
-    m, _, n = force.shape
-    state = np.zeros((2, observer.gain.size, m))
-    ended, news, seen = np.zeros(m), np.zeros(m), np.zeros(m)
-    # Columns side by side, a few samples at a time: rows of a whole recording fall on each other in the cache.
-    before = taps.size - 1
-    begins, ends, answer = np.empty((_FEW, m)), np.empty((_FEW, m)), np.empty((_FEW, m))
-    raw = np.zeros((before + _FEW, m))
-    lost = np.zeros(_FEW, dtype=np.bool_)
-    for first in range(0, n, _FEW):
-        few = min(_FEW, n - first)
-        lost[:few] = missing[first : first + few]
-        for c in range(m):
-            for k in range(few):
-                begins[k, c] = force[c, 0, first + k]
-                ends[k, c] = force[c, 1, first + k]
-        respond(observer, begins[:few], ends[:few], lost, first == 0, state, ended, news, seen, raw[before:])
-        for i in range(observer.gain.size):
-            for c in range(m):
-                if abs(state[0, i, c]) < _NOTHING:
-                    state[0, i, c] = 0.0
-        filtered(raw, taps, answer)
-        for c in range(m):
-            for k in range(few):
-                out[c, first + k] = answer[k, c]
-        for k in range(before):
-            raw[k] = raw[_FEW + k]
-
-
-@njit(**OPTIONS)
-def respond(observer, begins, ends, missing, starts, state, ended, news, seen, raw):
-    """The error recursion of the module's docstring, some samples on, for forces side by side."""
-    feed, order, m = observer.feed, observer.gain.size, ended.size
-    told = feed  # by the force at a sample, beyond what was predicted, of the prediction error
-    for i in range(order):
-        told += observer.output[i] * observer.end[i]
-    d, ahead = state[0], state[1]
-    for k in range(begins.shape[0]):
-        begin, end, s = begins[k], ends[k], raw[k]
-        for c in range(m):
-            s[c] = feed * ended[c]
-        for i in range(order):
-            add(s, observer.output[i], d[i])
-        for c in range(m):
-            if missing[k]:
-                s[c] = 0.0
-            seen[c] = s[c]
-            news[c] = begin[c] - ended[c]
-        if feed != 0.0 and not (starts and k == 0):
-            if not missing[k]:
-                add(seen, told, news)
-            for i in range(order):
-                add(d[i], observer.end[i], news)
-        for i in range(order):
-            add(d[i], -observer.gain[i], seen)
-        for i in range(order):
-            row, from_begin, from_end = ahead[i], observer.begin[i], observer.end[i]
-            for c in range(m):
-                row[c] = from_begin * begin[c] + from_end * end[c]
-            for j in range(order):
-                add(row, observer.transition[i, j], d[j])
-        d, ahead = ahead, d
-        for c in range(m):
-            ended[c] = end[c]
-
-
-@njit(**OPTIONS)
-def add(row, factor, other):
-    """Add a multiple of another row."""
-    for c in range(row.size):
-        row[c] += factor * other[c]
-
-
-@njit(**OPTIONS)
-def filtered(raw, taps, answer):
-    """Filter of finite length down the columns of `raw`, whose first ``taps.size - 1`` rows went before.
-
-    Four taps at a time, so that sums are fetched and put back a quarter as often.
-    """
-    last = taps.size - 1
-    fours = taps.size // 4 * 4
-    for k in range(answer.shape[0]):
-        y, now = answer[k], last + k
-        for c in range(y.size):
-            y[c] = 0.0
-        for lag in range(0, fours, 4):
-            t0, t1, t2, t3 = taps[lag], taps[lag + 1], taps[lag + 2], taps[lag + 3]
-            s0, s1, s2, s3 = raw[now - lag], raw[now - lag - 1], raw[now - lag - 2], raw[now - lag - 3]
-            for c in range(y.size):
-                y[c] += t0 * s0[c] + t1 * s1[c] + t2 * s2[c] + t3 * s3[c]
-        for lag in range(fours, taps.size):
-            t0, s0 = taps[lag], raw[now - lag]
-            for c in range(y.size):
-                y[c] += t0 * s0[c]

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from chatter_monitor.discrepancy.band import Recorded
-from chatter_monitor.discrepancy.innovations import Innovations, known_forces
-from chatter_monitor.discrepancy.live.stream import at_rest, no_answers, response_of, scratch, tried_forces
+from chatter_monitor.discrepancy.innovations import Innovations, known_forces, tried_forces
+from chatter_monitor.discrepancy.live.stream import at_rest, no_answers, scratch
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.kernels import live_signatures as live
+from chatter_monitor.kernels.responses import response_of
 from chatter_monitor.kernels.signatures import observe
 from chatter_monitor.physics.parts import AppliedTerm, Mode, Spindle
 from chatter_monitor.physics.terms import CATALOGUE
@@ -35,7 +36,7 @@ def base_of(quantity, terms=()):
 
 def watched(base, known, taps, calls):
     """Errors and signatures, in as many calls."""
-    y, tried = base.recorded.samples, tried_forces(TRIED)
+    y, tried = base.recorded.samples, tried_forces([(applied.term, applied.values) for applied in TRIED])
     response = response_of(base.observer, taps)
     path, along = at_rest(base.observer, known, tried), scratch()
     answers = no_answers(response, live.LANES)

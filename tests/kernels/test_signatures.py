@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from chatter_monitor.discrepancy.observer import Linear, observer
-from chatter_monitor.kernels.signatures import signatures
+from chatter_monitor.kernels.responses import LANES, response_of, signatures, unseen_of
 from chatter_monitor.physics.parts import Mode
 
 
@@ -26,15 +26,16 @@ def naive(o, force, missing, taps):
 
 @pytest.mark.parametrize("quantity", ["displacement", "pressure"])
 def test_many_signatures_are_those_of_each_force(quantity):
-    """Side by side, over any number of samples and with gaps, each force has the signature it has alone."""
+    """Side by side, over any number of samples and with gaps, each product of factors has the signature it has alone."""
     rng = np.random.default_rng(1)
-    n, m = 333, 5
+    n = 333
     o = observer(Linear((Mode(400.0, 0.02),), quantity, 1e-3), 5600.0)
-    forces = rng.standard_normal((m, 2, n))
-    missing = rng.random(n) < 0.05
-    taps = np.concatenate([[1.0], 0.3 * rng.standard_normal(40)])
-    out = np.empty((m, n))
-    signatures(o, forces, missing, taps, out)
-    for force, found in zip(forces, out, strict=True):
-        expected = naive(o, force, missing, taps)
+    left, right = rng.standard_normal((7, 2, n)), rng.standard_normal((3, 2, n))
+    missing = (rng.random(n) < 0.05) & (np.arange(n) < 200)
+    taps = np.concatenate([[1.0], 0.3 * rng.standard_normal(39)])
+    out = np.empty((21, n))
+    for first in (0, LANES):
+        signatures(response_of(o, taps), unseen_of(o, taps), left, right, first, missing, out[first : first + LANES])
+    for i, found in enumerate(out):
+        expected = naive(o, left[i // 3] * right[i % 3], missing, taps)
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())

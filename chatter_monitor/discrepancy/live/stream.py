@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy.candidates import Candidate
-from chatter_monitor.discrepancy.innovations import Innovations, known_forces, rate_of
+from chatter_monitor.discrepancy.innovations import Innovations, known_forces, tried_forces
 from chatter_monitor.discrepancy.live.decimate import CHUNK
 from chatter_monitor.discrepancy.whitening import whitener
 from chatter_monitor.kernels import live_signatures as kernel
-from chatter_monitor.kernels.forces import MOST_PARAMETERS
-from chatter_monitor.kernels.signatures import SMOOTH, Forces, Motion, Observer
-from chatter_monitor.physics.parts import AppliedTerm
+from chatter_monitor.kernels.forces_along import Tried
+from chatter_monitor.kernels.responses import Response, response_of
+from chatter_monitor.kernels.signatures import Forces, Motion, Observer
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -42,7 +42,7 @@ class Stream:
     def __init__(self, base: Innovations, tried: Sequence[tuple[Candidate, int]]) -> None:
         self._observer = base.observer
         self._known = known_forces(base.terms)
-        self._tried = tried_forces([_unit(candidate, i) for candidate, i in tried])
+        self._tried = tried_forces([(candidate.term, candidate.unit(i)) for candidate, i in tried])
         self._response = response_of(base.observer, whitener(base.errors, base.used, ORDER))
         self.linear = 4 if any(applied.term.delayed for applied in base.terms) else 2
         self._used = 1 + self.linear + len(tried)
@@ -90,31 +90,6 @@ class Stream:
         return self._since > self.settling
 
 
-def tried_forces(terms: Sequence[AppliedTerm]) -> kernel.Tried:
-    """Terms as the live kernel takes them."""
-    parameters = np.zeros((len(terms), MOST_PARAMETERS))
-    for row, applied in zip(parameters, terms, strict=True):
-        row[: len(applied.values)] = applied.values
-    return kernel.Tried(
-        np.array([applied.term.compiled_row.address for applied in terms], dtype=np.int64),
-        np.array([rate_of(applied.term) for applied in terms], dtype=np.int64),
-        np.array([SMOOTH if applied.term.smooth else kernel.NODES for applied in terms], dtype=np.int64),
-        parameters,
-    )
-
-
-def response_of(observer: Observer, taps: Vector) -> kernel.Response:
-    """How whitened prediction errors of an observer answer to forces."""
-    o = observer
-    order = o.gain.size
-    closed = o.transition @ (np.eye(order) - np.outer(o.gain, o.output))
-    # A sensor that feels the force tells, once it is known, by how much it was predicted wrongly.
-    news = closed @ o.end - o.transition @ o.gain * o.feed if o.feed else np.zeros(order)
-    before = -news - o.transition @ o.gain * o.feed
-    padded = np.pad(taps, (0, -(taps.size - 1) % 4))
-    return kernel.Response(closed, o.begin + news, o.end, before, o.output, np.array([o.feed]), padded)
-
-
 def scratch() -> kernel.Along:
     """Room for the motion over some samples, and for forces along it."""
     few, nodes = kernel.FEW, kernel.NODES * kernel.FEW
@@ -123,22 +98,17 @@ def scratch() -> kernel.Along:
     return kernel.Along(np.zeros(few), motion, *rows, np.zeros((2, few)))
 
 
-def at_rest(observer: Observer, known: Forces, tried: kernel.Tried) -> kernel.Path:
+def at_rest(observer: Observer, known: Forces, tried: Tried) -> kernel.Path:
     """What an observer begins with."""
     order, past = observer.gain.size, int(np.ceil(observer.delay)) + 4 + kernel.FEW
     sizes = order, order, 1, 2, known.forces.size, tried.rows.size, past
     return kernel.Path(*(np.zeros(size) for size in sizes))
 
 
-def no_answers(response: kernel.Response, lanes: int) -> kernel.Answers:
+def no_answers(response: Response, lanes: int) -> kernel.Answers:
     """What the signatures begin with."""
     few = kernel.FEW * lanes
     before = (response.taps.size - 1) * lanes
     return kernel.Answers(
         np.zeros(few), np.zeros(lanes + few), np.zeros((response.output.size, lanes + few)), np.zeros(before + few)
     )
-
-
-def _unit(candidate: Candidate, i: int) -> AppliedTerm:
-    values = dict(zip((p.name for p in candidate.term.parameters), candidate.unit(i), strict=True))
-    return AppliedTerm(candidate.term, values)

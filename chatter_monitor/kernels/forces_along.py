@@ -1,0 +1,206 @@
+"""Forces of terms that an observer does not know, along the motion that it sees.
+
+As in `kernels.signatures` a force is averaged over where the tool may be, but the motion is there already: a few samples
+at a time, the states at which forces are evaluated are laid out in rows, the same for all terms, and each term goes
+along them inlined (`kernels.forces.compile_row`).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels.forces import call_row
+from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.signatures import (
+    AHEAD,
+    BEFORE,
+    MEDIANS,
+    NODES,
+    SEEN,
+    SHARES,
+    SMOOTH,
+    SUBSTEPS,
+    about,
+    on_step,
+    remembered,
+)
+
+_FEW = 64  # samples that go through a stage together
+
+
+class Tried(NamedTuple):
+    """Forces whose signatures are wanted."""
+
+    rows: np.ndarray  # (c,) addresses of terms for `call_row`
+    rates: np.ndarray  # (c,) addresses of the rates of their memory, for `call_force`; 0 for none
+    substeps: np.ndarray  # (c,) SMOOTH or SUBSTEPS
+    parameters: np.ndarray  # (c, MOST_PARAMETERS)
+
+
+class States(NamedTuple):
+    """Where forces are evaluated: at each of some nodes, on both sides of what is expected, for `few` samples each.
+
+    Where a jump is near, another such pair follows; those pairs stand behind all others.
+    """
+
+    state: np.ndarray  # (5, p) displacement, velocity, delayed displacement, angle, memory
+    share: np.ndarray  # (p / 2,) of each pair in the mean of its node
+    when: np.ndarray  # (p / 2,) on the step, from 0 to 1
+    sample: np.ndarray  # (p / 2,) which of the few
+    force: np.ndarray  # (p,)
+
+
+@njit(cache=True, nogil=True)
+def forces_along(observer, motion, settled, tried, force):
+    """Evaluate terms along the motion.
+
+    Parameters
+    ----------
+    observer : Observer
+    motion : Motion
+    settled : ndarray of bool, shape (n,)
+        As for `kernels.signatures.observe`.
+    tried : Tried
+        c terms.
+    force : ndarray of float64, shape (c, 2, n)
+        Filled with the forces over the step from sample k as a straight line, at its beginning and its end; for a
+        sensor that feels the force, with the force at sample k once it is known, and with what is predicted for k + 1.
+    """
+    count, n = tried.rows.size, settled.size
+    feels = observer.feed != 0.0
+    pairs = 2 * SUBSTEPS * _FEW
+    states = States(
+        np.zeros((5, 2 * pairs)), np.zeros(pairs), np.zeros(pairs), np.zeros(pairs, dtype=np.int64), np.zeros(2 * pairs)
+    )
+    memory, memories = np.zeros(count), np.zeros((count, 2, _FEW))
+    mean, slope = np.zeros(_FEW), np.zeros(_FEW)
+    for at in range(0, n, _FEW):
+        few = min(_FEW, n - at)
+        remember(observer, motion, settled, tried, at, few, memory, memories)
+        for kind in (SMOOTH, SUBSTEPS):
+            for row in range(2 if feels else 1):
+                placed = 0
+                for j in range(count):
+                    if tried.substeps[j] != kind:
+                        continue
+                    if placed == 0:
+                        placed = place(observer, motion, at, few, kind, row, states)
+                    if tried.rates[j] != 0:
+                        recall(memories[j], row, feels, placed, states)
+                    evaluate(tried, j, observer.omega, placed, states)
+                    average(states, placed, few, kind, mean, slope)
+                    for k in range(few):
+                        half = 0.0 if feels else 0.5 * slope[k]
+                        acts = 1.0 if settled[at + k] else 0.0
+                        force[j, row, at + k] = acts * (mean[k] - half)
+                        if not feels:
+                            force[j, 1, at + k] = acts * (mean[k] + half)
+                    if tried.rates[j] != 0:
+                        states.state[4] = 0.0
+
+
+@njit(**OPTIONS)
+def remember(observer, motion, settled, tried, at, few, memory, memories):
+    """Memory of terms at some samples, and as predicted for the sample after each; side by side, for it is slow."""
+    omega, turn, step = observer.omega, observer.turn, observer.step_s
+    width = 8 * tried.parameters.shape[1]
+    for k in range(few):
+        i = at + k
+        x, v, angle = motion.x[0, i], motion.v[0, i], turn * i
+        xp, vp, lp = motion.x[1, i], motion.v[1, i], motion.lagged[1, i]
+        last = i + 1 == settled.size
+        for j in range(memory.size):
+            if tried.rates[j] == 0:
+                continue
+            p, z = tried.parameters.ctypes.data + width * j, memory[j]
+            if not settled[i]:
+                memory[j] = 0.0
+                continue
+            memories[j, 0, k] = z
+            memories[j, 1, k] = remembered(tried.rates[j], x, v, xp, vp, lp, angle, omega, z, p, step)
+            if not last:
+                xn, vn, ln = motion.x[0, i + 1], motion.v[0, i + 1], motion.lagged[0, i + 1]
+                memory[j] = remembered(tried.rates[j], x, v, xn, vn, ln, angle, omega, z, p, step)
+
+
+@njit(**OPTIONS)
+def place(observer, motion, at, few, kind, row, states):
+    """Lay out the states for terms of a kind, as known (row 0) or predicted (row 1); how many pairs there are."""
+    omega, turn, step, feels = observer.omega, observer.turn, observer.step_s, observer.feed != 0.0
+    jumps = kind != SMOOTH
+    pair = kind * few  # of those that follow
+    for i in range(kind):
+        node = i if jumps else SUBSTEPS + i
+        s = NODES[node]
+        spread = observer.spread[BEFORE + node] if not feels else observer.spread[AHEAD if row == 1 else SEEN]
+        side = spread[:, 0 if jumps else i]
+        for k in range(few):
+            x0, v0, lagged = motion.x[row, at + k], motion.v[row, at + k], motion.lagged[row, at + k]
+            if not feels:
+                x, v = on_step(s, x0, v0, motion.x[1, at + k], motion.v[1, at + k], step)
+                lagged = (1.0 - s) * lagged + s * motion.lagged[1, at + k]
+                angle = turn * (at + k) + s * turn
+            else:
+                x, v, angle = x0, v0, turn * (at + k + row)
+                if jumps:
+                    x, v = about(s, x0, v0, omega, step)
+                    angle += (s - 0.5) * turn
+            near = jumps and abs(v) < MEDIANS[0][1] * abs(side[1])
+            far = MEDIANS[i % 2][0] if near else 1.0 if jumps else 1.4142135623730951
+            share = SHARES[i % 2][0] if near else 0.5
+            put(states, i * few + k, s, k, share, x, v, lagged, angle, far * side[0], far * side[1])
+            if near:
+                far, share = MEDIANS[i % 2][1], SHARES[i % 2][1]
+                put(states, pair, s, k, share, x, v, lagged, angle, far * side[0], far * side[1])
+                pair += 1
+    return pair
+
+
+@njit(**OPTIONS)
+def put(states, pair, when, sample, share, x, v, lagged, angle, dx, dv):
+    """One pair of states."""
+    states.when[pair], states.sample[pair], states.share[pair] = when, sample, share
+    for sign in range(2):
+        at, side = 2 * pair + sign, 2 * sign - 1
+        states.state[0, at] = x + side * dx
+        states.state[1, at] = v + side * dv
+        states.state[2, at] = lagged
+        states.state[3, at] = angle
+
+
+@njit(**OPTIONS)
+def recall(memories, row, feels, pairs, states):
+    """Memory of one term at the states."""
+    for pair in range(pairs):
+        s, k = states.when[pair], states.sample[pair]
+        z = memories[row, k] if feels else (1.0 - s) * memories[0, k] + s * memories[1, k]
+        states.state[4, 2 * pair] = states.state[4, 2 * pair + 1] = z
+
+
+@njit(**OPTIONS)
+def evaluate(tried, j, omega, pairs, states):
+    """Force of a term at the states."""
+    first, row = states.state.ctypes.data, 8 * states.state.shape[1]
+    parameters = tried.parameters.ctypes.data + 8 * tried.parameters.shape[1] * j
+    call_row(
+        tried.rows[j], first, first + row, first + 2 * row, first + 3 * row, omega, first + 4 * row, parameters,
+        2 * pairs, states.force.ctypes.data,
+    )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def average(states, pairs, few, kind, mean, slope):
+    """Mean and slope of a force over each step; of a sensor that feels it, the mean about each sample."""
+    square = 0.0
+    for i in range(kind):
+        square += (states.when[i * few] - 0.5) ** 2
+    for k in range(few):
+        mean[k] = slope[k] = 0.0
+    for pair in range(pairs):
+        part = states.share[pair] * (states.force[2 * pair] + states.force[2 * pair + 1])
+        mean[states.sample[pair]] += part
+        slope[states.sample[pair]] += part * (states.when[pair] - 0.5)
+    for k in range(few):
+        mean[k] /= kind
+        slope[k] /= square
