@@ -1,8 +1,8 @@
 """Forces of terms that an observer does not know, along the motion that it sees.
 
-As in `kernels.signatures` a force is averaged over where the tool may be, but the motion is there already: a few samples
-at a time, the states at which forces are evaluated are laid out in rows, the same for all terms, and each term goes
-along them inlined (`kernels.forces.compile_row`).
+As in `kernels.signatures` a force is averaged over where the tool may be, but the motion is there already: a few
+samples at a time, the states at which forces are evaluated are laid out in rows, the same for all terms, and each term
+goes along them inlined (`kernels.forces.compile_row`).
 """
 
 from typing import NamedTuple

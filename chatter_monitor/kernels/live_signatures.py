@@ -12,7 +12,7 @@ from numba import njit
 
 from chatter_monitor.kernels.forces import call_force, call_row
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.responses import LANES, carry, respond, whiten
+from chatter_monitor.kernels.responses import carry, respond, whiten
 from chatter_monitor.kernels.signatures import SMOOTH, Motion, about, delayed, on_step
 
 NODES = 4  # per step, at which forces that jump are evaluated

@@ -8,7 +8,7 @@ from chatter_monitor.discrepancy.innovations import Innovations, known_forces, t
 from chatter_monitor.discrepancy.live.stream import at_rest, no_answers, scratch
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.kernels import live_signatures as live
-from chatter_monitor.kernels.responses import response_of
+from chatter_monitor.kernels.responses import LANES, response_of
 from chatter_monitor.kernels.signatures import observe
 from chatter_monitor.physics.parts import AppliedTerm, Mode, Spindle
 from chatter_monitor.physics.terms import CATALOGUE
@@ -39,8 +39,8 @@ def watched(base, known, taps, calls):
     y, tried = base.recorded.samples, tried_forces([(applied.term, applied.values) for applied in TRIED])
     response = response_of(base.observer, taps)
     path, along = at_rest(base.observer, known, tried), scratch()
-    answers = no_answers(response, live.LANES)
-    white = np.zeros((y.size, live.LANES), answers.raw.dtype)
+    answers = no_answers(response, LANES)
+    white = np.zeros((y.size, LANES), answers.raw.dtype)
     missing = np.zeros(y.size, dtype=bool)
     for part in np.split(np.arange(y.size), calls):
         few = slice(part[0], part[-1] + 1)

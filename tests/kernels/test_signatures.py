@@ -26,7 +26,7 @@ def naive(o, force, missing, taps):
 
 @pytest.mark.parametrize("quantity", ["displacement", "pressure"])
 def test_many_signatures_are_those_of_each_force(quantity):
-    """Side by side, over any number of samples and with gaps, each product of factors has the signature it has alone."""
+    """Side by side, over any number of samples and with gaps, each product of factors has its own signature."""
     rng = np.random.default_rng(1)
     n = 333
     o = observer(Linear((Mode(400.0, 0.02),), quantity, 1e-3), 5600.0)

@@ -13,7 +13,7 @@ from chatter_monitor.discrepancy.live.decimate import CHUNK
 from chatter_monitor.discrepancy.whitening import whitener
 from chatter_monitor.kernels import live_signatures as kernel
 from chatter_monitor.kernels.forces_along import Tried
-from chatter_monitor.kernels.responses import Response, response_of
+from chatter_monitor.kernels.responses import LANES, Response, response_of
 from chatter_monitor.kernels.signatures import Forces, Motion, Observer
 
 Vector = NDArray[np.float64]
@@ -46,7 +46,7 @@ class Stream:
         self._response = response_of(base.observer, whitener(base.errors, base.used, ORDER))
         self.linear = 4 if any(applied.term.delayed for applied in base.terms) else 2
         self._used = 1 + self.linear + len(tried)
-        self._lanes = -(-self._used // kernel.LANES) * kernel.LANES
+        self._lanes = -(-self._used // LANES) * LANES
         self._along = scratch()
         self.settling = _SETTLING * base.memory() + ORDER
         self.restart()
