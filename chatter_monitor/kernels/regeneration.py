@@ -1,16 +1,5 @@
-"""Spectrum of one mode with a regenerative delay, its likelihood, and where that is largest.
+"""Where the posterior of the spectrum of one mode with a regenerative delay (`kernels.whittle`) is largest."""
 
-    x'' + 2 zeta w x' + w^2 x + kappa w^2 [x - x(t - tau)] = W
-
-With r = omega / w its dynamic stiffness over w^2 is
-
-    D = 1 - r^2 + 2 i zeta r + kappa [1 - exp(-i omega tau)],
-
-and what a sensor delivers has the spectrum S = gain (omega / omega_0)^slope / abs(D)^2 + floor: the slope is 0, 2 or 4
-for displacement, velocity and acceleration and takes up the colour of the force, the floor is the sensor's noise.
-"""
-
-import cmath
 import math
 from typing import NamedTuple
 
@@ -19,17 +8,7 @@ from numba import njit
 
 from chatter_monitor.kernels.delay_roots import critical_coefficient
 from chatter_monitor.kernels.options import OPTIONS
-
-# Indices into the parameters
-LOG_GAIN, SLOPE, LOG_OMEGA, LOG_ZETA, KAPPA, LOG_TAU, LOG_FLOOR = range(7)
-PARAMETERS = 7
-
-# Power response of the Hann window at distances of 0, 1/2, 1 and 3/2 bins; beyond that 0.03 % are left. The mean of a
-# periodogram is the spectrum convolved with it, which samples at half bins represent as long as the signal forgets
-# within the window (Sykulski et al., The debiased Whittle likelihood, Biometrika 106, 2019).
-HANN_POWER = np.array([0.25, 0.18012655, 0.0625, 0.00720506])
-HANN_POWER /= HANN_POWER[0] + 2.0 * HANN_POWER[1:].sum()
-REACH = 3  # half bins
+from chatter_monitor.kernels.whittle import KAPPA, LOG_OMEGA, LOG_TAU, LOG_ZETA, PARAMETERS, whittle
 
 FIRST_DAMPING = 1e-3
 CONVERGED = 0.02  # nats that a step promises: a fifth of a standard deviation, and the step is still taken
@@ -38,94 +17,6 @@ LARGEST_STEP = (2.0, 2.0, 0.02, 0.5, 0.1, 0.01, 2.0)
 # Indices of what a climb keeps from piece to piece: the negative log-posterior where it is, Levenberg's damping, and
 # how many steps it may still take.
 VALUE, DAMPING, STEPS_LEFT = range(3)
-
-
-@njit(**OPTIONS)
-def whittle(theta, first, bin_width, log_frequency, periodogram, used, window, work, score, information):
-    """Whittle's likelihood of a periodogram under the model: the sum of log S + I / S over the bins, to be made small.
-
-    Parameters
-    ----------
-    theta : ndarray of float64, shape (7,)
-        Parameters in the order above.
-    first, bin_width : float
-        Angular frequency of the first bin and distance of the bins, in rad/s.
-    log_frequency : ndarray of float64, shape (2 n + 5,)
-        log(omega / omega_0) at the half bins from three before the first bin to three behind the last.
-    periodogram : ndarray of float64, shape (n,)
-        Of Hann windows; its unit is that of the gain.
-    used : ndarray of bool, shape (n,)
-        Bins to take into account.
-    window : ndarray of float64, shape (4,)
-        `HANN_POWER`.
-    work : ndarray of float64, shape (8, >= 2 n + 5)
-        The first n entries of row 0 are left with S, the window's effect included; the rest is work space.
-    score : ndarray of float64, shape (7,)
-        Filled with the negative gradient.
-    information : ndarray of float64, shape (7, 7)
-        Filled with the expected Hessian.
-    """
-    gain = math.exp(theta[LOG_GAIN])
-    floor = math.exp(theta[LOG_FLOOR])
-    w = math.exp(theta[LOG_OMEGA])
-    zeta = math.exp(theta[LOG_ZETA])
-    kappa = theta[KAPPA]
-    tau = math.exp(theta[LOG_TAU])
-    bins = periodogram.shape[0]
-    half = 0.5 * bin_width
-    start = first - REACH * half
-    wave = cmath.exp(complex(0.0, -start * tau))
-    turn = cmath.exp(complex(0.0, -half * tau))
-    for k in range(2 * bins - 1 + 2 * REACH):
-        omega = start + k * half
-        r = omega / w
-        damper = 2.0 * zeta * r
-        in_phase = 1.0 - r * r + kappa * (1.0 - wave.real)
-        quadrature = damper - kappa * wave.imag
-        compliance = 1.0 / (in_phase * in_phase + quadrature * quadrature)
-        signal = gain * math.exp(theta[SLOPE] * log_frequency[k]) * compliance
-        # d signal = -2 signal Re(dD / D)
-        x = -2.0 * signal * compliance * in_phase
-        y = -2.0 * signal * compliance * quadrature
-        work[0, k] = signal + floor
-        work[1 + LOG_GAIN, k] = signal
-        work[1 + SLOPE, k] = signal * log_frequency[k]
-        work[1 + LOG_OMEGA, k] = x * 2.0 * r * r - y * damper
-        work[1 + LOG_ZETA, k] = y * damper
-        work[1 + KAPPA, k] = x * (1.0 - wave.real) - y * wave.imag
-        work[1 + LOG_TAU, k] = kappa * omega * tau * (y * wave.real - x * wave.imag)
-        wave *= turn
-    for i in range(PARAMETERS):
-        score[i] = 0.0
-        for j in range(PARAMETERS):
-            information[i, j] = 0.0
-    total = 0.0
-    slopes = work[7]
-    for n in range(bins):
-        k = 2 * n + REACH
-        S = window[0] * work[0, k]
-        for m in range(1, REACH + 1):
-            S += window[m] * (work[0, k - m] + work[0, k + m])
-        work[0, n] = S  # that place has been read for the last time
-        if not used[n]:
-            continue
-        inverse = 1.0 / S
-        for i in range(LOG_FLOOR):
-            slope = window[0] * work[1 + i, k]
-            for m in range(1, REACH + 1):
-                slope += window[m] * (work[1 + i, k - m] + work[1 + i, k + m])
-            slopes[i] = slope * inverse
-        slopes[LOG_FLOOR] = floor * inverse
-        ratio = periodogram[n] * inverse
-        total += math.log(S) + ratio
-        for i in range(PARAMETERS):
-            score[i] += (ratio - 1.0) * slopes[i]
-            for j in range(i + 1):
-                information[i, j] += slopes[i] * slopes[j]
-    for i in range(PARAMETERS):
-        for j in range(i):
-            information[j, i] = information[i, j]
-    return total
 
 
 class Likelihood(NamedTuple):
@@ -144,8 +35,8 @@ class Likelihood(NamedTuple):
     log_frequency: np.ndarray
     periodogram: np.ndarray
     used: np.ndarray
-    window: np.ndarray
     work: np.ndarray
+    spectrum: np.ndarray
     weight: float
     prior_mean: np.ndarray
     prior_precision: np.ndarray
@@ -156,7 +47,7 @@ def posterior(theta, likelihood, score, information):
     """Negative log-posterior, its negative gradient and its expected Hessian, as in `whittle`."""
     value = likelihood.weight * whittle(
         theta, likelihood.first, likelihood.bin_width, likelihood.log_frequency, likelihood.periodogram,
-        likelihood.used, likelihood.window, likelihood.work, score, information,
+        likelihood.used, likelihood.work, likelihood.spectrum, score, information,
     )  # fmt: skip
     for i in range(PARAMETERS):
         away = theta[i] - likelihood.prior_mean[i]
@@ -197,7 +88,7 @@ def climb(theta, likelihood, steps, space, information, progress):
     theta : ndarray of float64, shape (7,)
         Where to start; overwritten with where it ends.
     likelihood : Likelihood
-        When the climb is over, the first row of its ``work`` is left as by `whittle` for the result.
+        When the climb is over, its ``spectrum`` is left as by `whittle` for the result.
     steps : int
         At most.
     space : ndarray of float64, shape (18, 7)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from chatter_monitor.errors import InputError
 from chatter_monitor.kernels.delay_roots import critical_coefficient, polish_root, rightmost_root
-from chatter_monitor.kernels.regeneration import KAPPA, LOG_OMEGA, LOG_TAU, LOG_ZETA
+from chatter_monitor.kernels.whittle import KAPPA, LOG_OMEGA, LOG_TAU, LOG_ZETA
 from chatter_monitor.tracking.periodogram import AveragedPeriodogram, spindle_lines, strongest_peak_hz
 from chatter_monitor.tracking.regeneration import Band, Fit, Pieces, Prior, fit, search
 from chatter_monitor.tracking.tracker import INTERVAL_S

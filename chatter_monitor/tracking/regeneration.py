@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from chatter_monitor.kernels.delay_roots import critical_coefficient
 from chatter_monitor.kernels.peaks import LINE_BINS
-from chatter_monitor.kernels.regeneration import (
-    HANN_POWER,
+from chatter_monitor.kernels.regeneration import VALUE, Likelihood, begin_climb, climb, posterior
+from chatter_monitor.kernels.whittle import (
     KAPPA,
     LOG_FLOOR,
     LOG_GAIN,
@@ -27,11 +27,7 @@ from chatter_monitor.kernels.regeneration import (
     PARAMETERS,
     REACH,
     SLOPE,
-    VALUE,
-    Likelihood,
-    begin_climb,
-    climb,
-    posterior,
+    WORK,
 )
 from chatter_monitor.tracking.periodogram import exceeded_by_chance
 
@@ -89,9 +85,9 @@ class Band:
         self.mode_hz = mode_hz
         self.bin_hz = bin_hz
         self.first_hz = first * bin_hz
-        half_bins = 0.5 * np.arange(-REACH, 2 * (last - first) - 1 + REACH)
-        self._log_frequency = np.log((first + half_bins) * bin_hz / mode_hz)
-        self._work = np.zeros((PARAMETERS + 1, len(half_bins)))
+        at = np.arange(first - 1, last + 2)
+        self._log_frequency = np.log(np.stack([at, at - 0.5]) * bin_hz / mode_hz)
+        self._work, self._spectrum = np.zeros(WORK), np.zeros(last - first)
 
     def coarse(self, bins: int) -> Band:
         """The same with neighbouring bins averaged, so that there are about so many."""
@@ -119,8 +115,8 @@ class Band:
             log_frequency=self._log_frequency,
             periodogram=self.periodogram,
             used=self.used,
-            window=HANN_POWER,
             work=self._work,
+            spectrum=self._spectrum,
             weight=float(self.weight),
             prior_mean=nothing if prior is None else prior.mean,
             prior_precision=nothing if prior is None else prior.precision,
@@ -156,7 +152,7 @@ class Band:
     @property
     def model(self) -> Array:
         """Spectrum at the bins that was evaluated last."""
-        return self._work[0, : len(self.periodogram)].copy()
+        return self._spectrum.copy()
 
 
 @dataclass(frozen=True, slots=True)

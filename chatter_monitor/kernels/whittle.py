@@ -1,0 +1,203 @@
+"""Spectrum of one mode with a regenerative delay, and the likelihood of a periodogram under it.
+
+    x'' + 2 zeta w x' + w^2 x + kappa w^2 [x - x(t - tau)] = W
+
+With r = omega / w its dynamic stiffness over w^2 is
+
+    D = 1 - r^2 + 2 i zeta r + kappa [1 - exp(-i omega tau)],
+
+and what a sensor delivers has the spectrum S = gain (omega / omega_0)^slope / abs(D)^2 + floor: the slope is 0, 2 or 4
+for displacement, velocity and acceleration and takes up the colour of the force, the floor is the sensor's noise.
+
+Bins are looked at in tiles, with a row for each quantity at a fixed place of one array, and sums may be formed in any
+order: that is what lets the compiler use vector instructions.
+"""
+
+import cmath
+import math
+
+from numba import njit
+
+from chatter_monitor.kernels.options import OPTIONS
+
+# Indices into the parameters
+LOG_GAIN, SLOPE, LOG_OMEGA, LOG_ZETA, KAPPA, LOG_TAU, LOG_FLOOR = range(7)
+PARAMETERS = 7
+
+# Power response of the Hann window at distances of 0, 1/2, 1 and 3/2 bins; beyond that 0.03 % are left. The mean of a
+# periodogram is the spectrum convolved with it, which samples at half bins represent as long as the signal forgets
+# within the window (Sykulski et al., The debiased Whittle likelihood, Biometrika 106, 2019).
+_RESPONSE = (0.25, 0.18012655, 0.0625, 0.00720506)
+_ALL = _RESPONSE[0] + 2.0 * (_RESPONSE[1] + _RESPONSE[2] + _RESPONSE[3])
+HERE, HALF_BIN, ONE_BIN, BIN_AND_HALF = (part / _ALL for part in _RESPONSE)
+
+TILE = 64  # bins
+REACH = 3  # half bins on either side that the window sees
+ROOM = TILE + 8  # places of a row: the window reaches three beyond a tile; whole vectors
+# Rows of the work space: how far the wave of the delay turns from bin to bin; logarithm of the frequency, then the
+# signal and its derivatives by the parameters, at the bins from one before the tile on, and again half a bin before
+# each; the periodogram, 1 for the bins in use; S, its factor in the likelihood, how far the periodogram exceeds it;
+# its logarithmic derivatives by the parameters.
+TURN_REAL, TURN_IMAG = 0, ROOM
+AT = 2 * ROOM
+BETWEEN = AT + PARAMETERS * ROOM
+SIGNAL = ROOM  # from the logarithm of the frequency on
+PERIODOGRAM, COUNTS, SPECTRUM, FACTOR, EXCESS, SLOPES = (BETWEEN + (PARAMETERS + i) * ROOM for i in range(6))
+WORK = SLOPES + PARAMETERS * ROOM
+TOGETHER = 4  # factors whose product is far from underflow
+
+SUMS = {**OPTIONS, "fastmath": OPTIONS["fastmath"] | {"reassoc"}}
+
+
+@njit(inline="always", **SUMS)
+def _exponential(x):
+    """exp(x) by the series for x / 64: relative 1e-12 up to 5, which the compiler can do for several x at once."""
+    y = x / 64.0
+    series = 1 / 6 + y * (1 / 24 + y * (1 / 120 + y * (1 / 720 + y * (1 / 5040 + y / 40320))))
+    power = 1.0 + y * (1.0 + y * (0.5 + y * series))
+    for _ in range(6):
+        power *= power
+    return power
+
+
+@njit(inline="always", **SUMS)
+def _copy(values, count, work, row):
+    """Copy the first values into a row."""
+    for t in range(count):
+        work[row + t] = values[t]
+
+
+@njit(inline="always", **SUMS)
+def _respond(theta, omega, bin_width, work, rows):
+    """Fill rows with the signal and its derivatives at places a bin apart, the first at the angular frequency omega."""
+    gain, slope, w = math.exp(theta[LOG_GAIN]), theta[SLOPE], math.exp(theta[LOG_OMEGA])
+    zeta, kappa, tau = math.exp(theta[LOG_ZETA]), theta[KAPPA], math.exp(theta[LOG_TAU])
+    real, imag = math.cos(omega * tau), -math.sin(omega * tau)
+    for t in range(ROOM):
+        turned = omega + t * bin_width
+        cosine = real * work[TURN_REAL + t] - imag * work[TURN_IMAG + t]
+        sine = real * work[TURN_IMAG + t] + imag * work[TURN_REAL + t]
+        r = turned / w
+        damper = 2.0 * zeta * r
+        in_phase = 1.0 - r * r + kappa * (1.0 - cosine)
+        quadrature = damper - kappa * sine
+        compliance = 1.0 / (in_phase * in_phase + quadrature * quadrature)
+        log_frequency = work[rows + t]
+        signal = gain * _exponential(slope * log_frequency) * compliance
+        # d signal = -2 signal Re(dD / D)
+        x = -2.0 * signal * compliance * in_phase
+        y = -2.0 * signal * compliance * quadrature
+        work[rows + SIGNAL + LOG_GAIN * ROOM + t] = signal
+        work[rows + SIGNAL + SLOPE * ROOM + t] = signal * log_frequency
+        work[rows + SIGNAL + LOG_OMEGA * ROOM + t] = x * 2.0 * r * r - y * damper
+        work[rows + SIGNAL + LOG_ZETA * ROOM + t] = y * damper
+        work[rows + SIGNAL + KAPPA * ROOM + t] = x * (1.0 - cosine) - y * sine
+        work[rows + SIGNAL + LOG_TAU * ROOM + t] = kappa * turned * tau * (y * cosine - x * sine)
+
+
+@njit(inline="always", **SUMS)
+def _seen(work, row, t):
+    """What the window sees of a row at a bin of the tile."""
+    return (
+        HERE * work[AT + SIGNAL + row + t + 1]
+        + HALF_BIN * (work[BETWEEN + SIGNAL + row + t + 1] + work[BETWEEN + SIGNAL + row + t + 2])
+        + ONE_BIN * (work[AT + SIGNAL + row + t] + work[AT + SIGNAL + row + t + 2])
+        + BIN_AND_HALF * (work[BETWEEN + SIGNAL + row + t] + work[BETWEEN + SIGNAL + row + t + 3])
+    )
+
+
+@njit(**SUMS)
+def whittle(theta, first, bin_width, log_frequency, periodogram, used, work, spectrum, score, information):
+    """Whittle's likelihood of a periodogram under the model: the sum of log S + I / S over the bins, to be made small.
+
+    Parameters
+    ----------
+    theta : ndarray of float64, shape (7,)
+        Parameters in the order above.
+    first, bin_width : float
+        Angular frequency of the first bin and distance of the bins, in rad/s.
+    log_frequency : ndarray of float64, shape (2, n + 3)
+        log(omega / omega_0): at the bins from one before the first on, and half a bin before each of these.
+    periodogram : ndarray of float64, shape (n,)
+        Of Hann windows; its unit is that of the gain.
+    used : ndarray of bool, shape (n,)
+        Bins to take into account.
+    work : ndarray of float64, shape (WORK,)
+        Work space.
+    spectrum : ndarray of float64, shape (n,)
+        Filled with S, the window's effect included.
+    score : ndarray of float64, shape (7,)
+        Filled with the negative gradient.
+    information : ndarray of float64, shape (7, 7)
+        Filled with the expected Hessian.
+    """
+    floor = math.exp(theta[LOG_FLOOR])
+    turn = cmath.exp(complex(0.0, -bin_width * math.exp(theta[LOG_TAU])))
+    wave = complex(1.0, 0.0)
+    for t in range(ROOM):
+        work[TURN_REAL + t], work[TURN_IMAG + t] = wave.real, wave.imag
+        wave *= turn
+    for i in range(PARAMETERS):
+        score[i] = 0.0
+        for j in range(PARAMETERS):
+            information[i, j] = 0.0
+    total = 0.0
+    for begin in range(0, periodogram.shape[0], TILE):
+        bins = min(TILE, periodogram.shape[0] - begin)
+        _copy(log_frequency[0, begin:], bins + REACH, work, AT)
+        _copy(log_frequency[1, begin:], bins + REACH, work, BETWEEN)
+        _copy(periodogram[begin:], bins, work, PERIODOGRAM)
+        _copy(used[begin:], bins, work, COUNTS)
+        for t in range(bins, TILE):
+            work[COUNTS + t] = 0.0
+        before = first + (begin - 1.0) * bin_width
+        _respond(theta, before, bin_width, work, AT)
+        _respond(theta, before - 0.5 * bin_width, bin_width, work, BETWEEN)
+        total += _compare(floor, work)
+        here = spectrum[begin:]
+        for t in range(bins):
+            here[t] = work[SPECTRUM + t]
+        for i in range(PARAMETERS):
+            along = 0.0
+            for t in range(TILE):
+                along += work[EXCESS + t] * work[SLOPES + i * ROOM + t]
+            score[i] += along
+            for j in range(i + 1):
+                product = 0.0
+                for t in range(TILE):
+                    product += work[SLOPES + i * ROOM + t] * work[SLOPES + j * ROOM + t]
+                information[i, j] += product
+    for i in range(PARAMETERS):
+        for j in range(i):
+            information[j, i] = information[i, j]
+    return total
+
+
+@njit(inline="always", **SUMS)
+def _compare(floor, work):
+    """Fill the rows that compare S with the periodogram; returns the tile's part of the likelihood."""
+    ratios = 0.0
+    for t in range(TILE):
+        counts = work[COUNTS + t]
+        signal = _seen(work, LOG_GAIN * ROOM, t)
+        whole = signal + floor
+        work[SPECTRUM + t] = whole
+        work[FACTOR + t] = counts * (whole - 1.0) + 1.0
+        inverse = counts / whole
+        ratio = work[PERIODOGRAM + t] * inverse
+        ratios += ratio
+        work[EXCESS + t] = ratio - 1.0
+        work[SLOPES + LOG_GAIN * ROOM + t] = signal * inverse
+        work[SLOPES + LOG_FLOOR * ROOM + t] = floor * inverse
+        work[SLOPES + SLOPE * ROOM + t] = _seen(work, SLOPE * ROOM, t) * inverse
+        work[SLOPES + LOG_OMEGA * ROOM + t] = _seen(work, LOG_OMEGA * ROOM, t) * inverse
+        work[SLOPES + LOG_ZETA * ROOM + t] = _seen(work, LOG_ZETA * ROOM, t) * inverse
+        work[SLOPES + KAPPA * ROOM + t] = _seen(work, KAPPA * ROOM, t) * inverse
+        work[SLOPES + LOG_TAU * ROOM + t] = _seen(work, LOG_TAU * ROOM, t) * inverse
+    logarithms = 0.0
+    for t in range(TILE // TOGETHER):
+        product = 1.0
+        for i in range(TOGETHER):
+            product *= work[FACTOR + i * (TILE // TOGETHER) + t]
+        logarithms += math.log(product)
+    return ratios + logarithms
