@@ -46,6 +46,7 @@ def tried_forces(terms: Sequence[tuple[Term, Sequence[float]]]) -> Tried:
     return Tried(
         np.array([term.compiled_row.address for term, _ in terms], dtype=np.int64),
         np.array([rate_of(term) for term, _ in terms], dtype=np.int64),
+        np.array([term.compiled_lanes.address if term.memory_rate else 0 for term, _ in terms], dtype=np.int64),
         np.array([substeps_of(term) for term, _ in terms], dtype=np.int64),
         parameters,
     )

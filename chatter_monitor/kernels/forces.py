@@ -20,6 +20,7 @@ _SIGNATURE = _number(_number, _number, _number, _number, _number, _number, _numb
 _ROW_SIGNATURE = types.void(
     _numbers, _numbers, _numbers, _numbers, _number, _numbers, _numbers, types.intp, _numbers
 )  # fmt: skip
+_LANES_SIGNATURE = types.void(*[_number] * 5, _numbers, _numbers, types.intp, types.intp, _numbers)
 MOST_PARAMETERS = 4  # of a term, where rows are evaluated: that many are read
 
 
@@ -40,21 +41,44 @@ def _row(x, v, lagged, angle, w, memory, p, n, out):
         out[i] = law(x[i], v[i], lagged[i], angle[i], w, memory[i], parameters)  # type: ignore[name-defined] # noqa: F821
 
 
+def _lanes(x, v, lagged, angle, w, memory, p, apart, n, out):
+    for j in range(n):
+        parameters = (p[j], p[apart + j], p[2 * apart + j], p[3 * apart + j])
+        out[j] = law(x, v, lagged, angle, w, memory[j], parameters)  # type: ignore[name-defined] # noqa: F821
+
+
 def compile_row(function: Callable[..., float]) -> Any:
     """Compile a term's function for `call_row`: inlined into a loop, which the compiler turns into vector operations.
-
-    Numba finds what it has compiled before by the file, the line and the name of a function: the loop gets those of
-    the term's function.
 
     Parameters
     ----------
     function : callable
         As for `compile_force`.
     """
+    return cfunc(_ROW_SIGNATURE, cache=True)(_inlined(function, _row))
+
+
+def compile_lanes(function: Callable[..., float]) -> Any:
+    """Compile a term's function for `call_lanes`, inlined in the same way.
+
+    Parameters
+    ----------
+    function : callable
+        As for `compile_force`.
+    """
+    return cfunc(_LANES_SIGNATURE, cache=True)(_inlined(function, _lanes))
+
+
+def _inlined(function: Callable[..., float], loop: FunctionType) -> FunctionType:
+    """A loop over a term's function.
+
+    Numba finds what it has compiled before by the file, the line and the name of a function: the loop gets those of
+    the term's function.
+    """
     of = function.__code__
-    code = _row.__code__.replace(co_filename=of.co_filename, co_firstlineno=of.co_firstlineno)
-    inlined = njit(error_model="numpy", fastmath={"contract", "nsz"})(function)
-    return cfunc(_ROW_SIGNATURE, cache=True)(FunctionType(code, {"law": inlined, "__name__": function.__module__}))
+    code = loop.__code__.replace(co_filename=of.co_filename, co_firstlineno=of.co_firstlineno)
+    law = njit(error_model="numpy", fastmath={"contract", "nsz"})(function)
+    return FunctionType(code, {"law": law, "__name__": function.__module__})
 
 
 def _call_at(context, builder, signature, arguments):
@@ -87,8 +111,23 @@ def _call_row(_typing, _address, _x, _v, _lagged, _angle, _w, _memory, _paramete
     return types.void(*[address] * 5, _number, address, address, types.intp, address), codegen
 
 
+def _call_lanes(_typing, _address, _x, _v, _lagged, _angle, _w, _memory, _parameters, _apart, _n, _out):
+    """Call a term compiled by `compile_lanes` for n lanes: one state, but each with its own memory and parameters.
+
+    Memory and out are addresses of n values; each parameter has a row of values, `apart` from that of the one before.
+    """
+
+    def codegen(context, builder, _signature, arguments):
+        _call_at(context, builder, _LANES_SIGNATURE, arguments)
+        return context.get_dummy_value()
+
+    address = types.int64
+    return types.void(address, *[_number] * 5, address, address, types.intp, types.intp, address), codegen
+
+
 call_force: Any = intrinsic(_call_force)
 call_row: Any = intrinsic(_call_row)
+call_lanes: Any = intrinsic(_call_lanes)
 
 
 @njit(cache=True, nogil=True)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from chatter_monitor.kernels.forces import call_row
+from chatter_monitor.kernels.forces import call_lanes, call_row
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.signatures import (
     AHEAD,
@@ -23,7 +23,6 @@ from chatter_monitor.kernels.signatures import (
     SUBSTEPS,
     about,
     on_step,
-    remembered,
 )
 
 _FEW = 64  # samples that go through a stage together
@@ -34,6 +33,7 @@ class Tried(NamedTuple):
 
     rows: np.ndarray  # (c,) addresses of terms for `call_row`
     rates: np.ndarray  # (c,) addresses of the rates of their memory, for `call_force`; 0 for none
+    lanes: np.ndarray  # (c,) and for `call_lanes`
     substeps: np.ndarray  # (c,) SMOOTH or SUBSTEPS
     parameters: np.ndarray  # (c, MOST_PARAMETERS)
 
@@ -49,6 +49,18 @@ class States(NamedTuple):
     when: np.ndarray  # (p / 2,) on the step, from 0 to 1
     sample: np.ndarray  # (p / 2,) which of the few
     force: np.ndarray  # (p,)
+
+
+class Lanes(NamedTuple):
+    """Memories of terms side by side, and room for their changes."""
+
+    parameters: np.ndarray  # (MOST_PARAMETERS, c)
+    known: np.ndarray  # (c,) at the last sample
+    ahead: np.ndarray  # (c,) and as predicted
+    probe: np.ndarray  # (c,) changes
+    probed: np.ndarray  # (c,) memories changed by that
+    rate: np.ndarray  # (c,)
+    other: np.ndarray  # (c,) rate of those
 
 
 @njit(cache=True, nogil=True)
@@ -73,11 +85,21 @@ def forces_along(observer, motion, settled, tried, force):
     states = States(
         np.zeros((5, 2 * pairs)), np.zeros(pairs), np.zeros(pairs), np.zeros(pairs, dtype=np.int64), np.zeros(2 * pairs)
     )
-    memory, memories = np.zeros(count), np.zeros((count, 2, _FEW))
+    # Terms whose memory changes by the same law are remembered side by side.
+    lanes = Lanes(
+        np.ascontiguousarray(tried.parameters.T), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count),
+        np.zeros(count), np.zeros(count),
+    )  # fmt: skip
+    memories = np.zeros((count, 2, _FEW))
     mean, slope = np.zeros(_FEW), np.zeros(_FEW)
     for at in range(0, n, _FEW):
         few = min(_FEW, n - at)
-        remember(observer, motion, settled, tried, at, few, memory, memories)
+        begin = 0
+        for end in range(1, count + 1):
+            if end == count or tried.lanes[end] != tried.lanes[begin]:
+                if tried.lanes[begin] != 0:
+                    remember(observer, motion, settled, tried.lanes[begin], begin, end, at, few, lanes, memories)
+                begin = end
         for kind in (SMOOTH, SUBSTEPS):
             for row in range(2 if feels else 1):
                 placed = 0
@@ -101,27 +123,50 @@ def forces_along(observer, motion, settled, tried, force):
 
 
 @njit(**OPTIONS)
-def remember(observer, motion, settled, tried, at, few, memory, memories):
-    """Memory of terms at some samples, and as predicted for the sample after each; side by side, for it is slow."""
-    omega, turn, step = observer.omega, observer.turn, observer.step_s
-    width = 8 * tried.parameters.shape[1]
+def remember(observer, motion, settled, address, begin, end, at, few, lanes, memories):
+    """Memory of some terms at some samples, and as predicted for the sample after each."""
+    omega, step, part = observer.omega, observer.step_s, slice(begin, end)
+    known, ahead = lanes.known[part], lanes.ahead[part]
     for k in range(few):
         i = at + k
-        x, v, angle = motion.x[0, i], motion.v[0, i], turn * i
-        xp, vp, lp = motion.x[1, i], motion.v[1, i], motion.lagged[1, i]
-        last = i + 1 == settled.size
-        for j in range(memory.size):
-            if tried.rates[j] == 0:
-                continue
-            p, z = tried.parameters.ctypes.data + width * j, memory[j]
-            if not settled[i]:
-                memory[j] = 0.0
-                continue
-            memories[j, 0, k] = z
-            memories[j, 1, k] = remembered(tried.rates[j], x, v, xp, vp, lp, angle, omega, z, p, step)
-            if not last:
-                xn, vn, ln = motion.x[0, i + 1], motion.v[0, i + 1], motion.lagged[0, i + 1]
-                memory[j] = remembered(tried.rates[j], x, v, xn, vn, ln, angle, omega, z, p, step)
+        if not settled[i]:
+            for j in range(known.size):
+                known[j] = 0.0
+            continue
+        x, v, angle = motion.x[0, i], motion.v[0, i], observer.turn * i
+        for j in range(known.size):
+            memories[begin + j, 0, k] = ahead[j] = known[j]
+        advance(
+            address, begin, lanes, ahead, x, v, motion.x[1, i], motion.v[1, i], motion.lagged[1, i], angle, omega, step
+        )
+        for j in range(known.size):
+            memories[begin + j, 1, k] = ahead[j]
+        if i + 1 < settled.size:
+            i += 1
+            advance(
+                address, begin, lanes, known, x, v, motion.x[0, i], motion.v[0, i], motion.lagged[0, i], angle, omega,
+                step,
+            )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def advance(address, begin, lanes, z, x0, v0, x1, v1, lagged, angle, omega, step_s):
+    """Bring memories to the end of a step, as `kernels.signatures.remembered` does one."""
+    n, h = z.size, step_s / SUBSTEPS
+    probe, probed = lanes.probe[begin : begin + n], lanes.probed[begin : begin + n]
+    rate, other = lanes.rate[begin : begin + n], lanes.other[begin : begin + n]
+    p, apart = lanes.parameters.ctypes.data + 8 * begin, lanes.parameters.shape[1]
+    for i in range(SUBSTEPS):
+        share = (i + 0.5) / SUBSTEPS
+        x, v = x0 + share * (x1 - x0), v0 + share * (v1 - v0)
+        for j in range(n):
+            probe[j] = 1e-6 * (abs(z[j]) + abs(v) * h) + 1e-300
+            probed[j] = z[j] + probe[j]
+        call_lanes(address, x, v, lagged, angle, omega, z.ctypes.data, p, apart, n, rate.ctypes.data)
+        call_lanes(address, x, v, lagged, angle, omega, probed.ctypes.data, p, apart, n, other.ctypes.data)
+        for j in range(n):
+            slope = (other[j] - rate[j]) / probe[j]
+            z[j] += h * rate[j] / (1.0 - 0.5 * h * min(slope, 0.0))
 
 
 @njit(**OPTIONS)

@@ -23,7 +23,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
-from chatter_monitor.kernels.forces import compile_force, compile_row
+from chatter_monitor.kernels.forces import compile_force, compile_lanes, compile_row
 
 Force = Callable[[float, float, float, float, float, float, Sequence[float]], float]
 
@@ -127,6 +127,11 @@ class Term:
         """The rate of the internal state as a C function; None for terms without memory."""
         return None if self.memory_rate is None else compile_force(self.memory_rate)
 
+    @cached_property
+    def compiled_lanes(self) -> Any:
+        """The rate of many internal states beside each other as a C function; None for terms without memory."""
+        return None if self.memory_rate is None else compile_lanes(self.memory_rate)
+
 
 def _positive(name: str, unit: str, meaning: str, default: float | None = None) -> Parameter:
     return Parameter(name, unit, meaning, lower=0.0, default=default, lower_excluded=True)
@@ -168,8 +173,14 @@ _ENTRIES = (
             Parameter("coefficient", "u/s^2", "friction force per unit mass", lower=0.0, linear=True),
             Parameter("width", "u/s", "velocity over which the sign changes", lower=0.0, default=0.0),
         ),
+        # math.tanh takes three times as long
         force=lambda x, v, lagged, angle, w, memory, p: (
-            p[0] * (math.tanh(v / p[1]) if p[1] > 0.0 else (math.copysign(1.0, v) if v != 0.0 else 0.0))
+            p[0]
+            * (
+                math.copysign(2.0 / (1.0 + math.exp(-2.0 * abs(v) / p[1])) - 1.0, v)
+                if p[1] > 0.0
+                else (math.copysign(1.0, v) if v != 0.0 else 0.0)
+            )
         ),
         smooth=False,
     ),

@@ -65,4 +65,5 @@ def test_forces_of_many_terms_are_those_of_each_alone(quantity):
     for (term, values), force in zip(TRIED, found, strict=True):
         expected = sample_by_sample(o, motion, settled, term, values)
         assert np.any(expected)
-        np.testing.assert_allclose(force, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
+        # A memory changes by a slope that is a difference: it keeps ten digits.
+        np.testing.assert_allclose(force, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
