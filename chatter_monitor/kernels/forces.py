@@ -69,7 +69,7 @@ def compile_lanes(function: Callable[..., float]) -> Any:
     return cfunc(_LANES_SIGNATURE, cache=True)(_inlined(function, _lanes))
 
 
-def _inlined(function: Callable[..., float], loop: FunctionType) -> FunctionType:
+def _inlined(function: Callable[..., float], loop: Callable[..., None]) -> FunctionType:
     """A loop over a term's function.
 
     Numba finds what it has compiled before by the file, the line and the name of a function: the loop gets those of
