@@ -21,7 +21,7 @@ from chatter_monitor.discrepancy.conclude import conclude
 from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
 from chatter_monitor.discrepancy.innovations import known_forces
 from chatter_monitor.discrepancy.observer import Linear, observer, sized
-from chatter_monitor.discrepancy.show import page
+from chatter_monitor.discrepancy.show import concluded
 from chatter_monitor.kernels.signatures import AFTER, BEFORE, SMOOTH, SUBSTEPS, Motion, observe
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Mode, Sensor, Spindle
@@ -45,8 +45,7 @@ def speed() -> None:
             system = MachiningSystem(modes, sensor=Sensor(quantity="velocity"), spindle=Spindle(3000.0))
             for _ in range(2):
                 start, processor = time.perf_counter(), time.process_time()
-                found = conclude(examine(recorded_from(samples, machine.rate_hz), system))
-                page(found, "recording")
+                found, _, _ = concluded(examine(recorded_from(samples, machine.rate_hz), system), "recording")
                 took = time.perf_counter() - start, time.process_time() - processor
             names = [term.name for term in found.report.terms]
             n = found.case.recorded.samples.size

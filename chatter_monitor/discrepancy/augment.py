@@ -33,7 +33,7 @@ _DAMPINGS = (0.0, 0.1, 1.0, 10.0, 100.0)  # of a step (Levenberg and Marquardt),
 _HOPE = 3.0  # times what the next step promises: as much a model may still gain
 _LARGEST_STEP = 0.5  # relative, of a shape
 _DERIVATIVE_STEP = 0.02
-_NOISE_STEP, _LARGEST_NOISE_STEP = 0.1, 1.0  # of the logarithm of the noise
+_NOISE_STEP, _LARGEST_NOISE_STEP = 0.1, 3.0  # of the logarithm of the noise
 _LEAST_NOISE = 1e-6  # over the motion: less changes nothing
 
 

@@ -71,10 +71,15 @@ class Diagnosis:
         return self.augmented.system if self.augmented else self.base
 
 
+def base_of(case: Case) -> MachiningSystem:
+    """The base model, calibrated."""
+    return calibrated(case, case.base.fitted.linear, case.system.terms)
+
+
 def conclude(case: Case) -> Diagnosis:
     """Say what was found."""
     linear = case.innovations.linear
-    base = calibrated(case, case.base.fitted.linear, case.system.terms)
+    base = base_of(case)
     retuned = case.base.retuning_p < RETUNED_P or case.base.quantity != case.system.sensor.quantity
     findings: list[Finding] = []
     warnings: list[str] = []

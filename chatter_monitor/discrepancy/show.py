@@ -6,6 +6,8 @@ import base64
 import html
 import io
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -15,7 +17,8 @@ from scipy import signal as dsp
 from scipy import stats
 
 from chatter_monitor.discrepancy.basis import REACH, scales, surface_at
-from chatter_monitor.discrepancy.conclude import Diagnosis
+from chatter_monitor.discrepancy.case import Case
+from chatter_monitor.discrepancy.conclude import Diagnosis, base_of, conclude
 from chatter_monitor.discrepancy.locate import frequency_map, lag_map
 from chatter_monitor.discrepancy.report import FreeRun, Report
 from chatter_monitor.discrepancy.show_energy import draw_damping, draw_frequency, draw_stiffness, identified
@@ -43,8 +46,49 @@ td,th{padding:.25rem .8rem;border-bottom:1px solid #ddd;text-align:left}
 img{max-width:100%}small{color:#666}"""
 
 
-def page(diagnosis: Diagnosis, name: str) -> tuple[str, Report]:
-    """HTML page of a diagnosis.
+@dataclass(frozen=True, slots=True, eq=False)
+class Begun:
+    """What of a page does not wait for the conclusion.
+
+    Attributes
+    ----------
+    maps : str
+        Picture of the maps.
+    runs : dict of str to ndarray
+        The recording and the base simulation that runs on its own, at the recording's rate.
+    found : dict of str to Identification
+        Stiffness and damping of both by energy.
+    """
+
+    maps: str
+    runs: dict[str, Vector]
+    found: dict[str, Identification]
+
+
+def concluded(case: Case, name: str) -> tuple[Diagnosis, str, Report]:
+    """Conclude, and write the page, which is begun meanwhile.
+
+    Returns
+    -------
+    Diagnosis, str, Report
+        As from `conclude` and `page`.
+    """
+    with ThreadPoolExecutor(1) as beside:
+        begun = beside.submit(begin, case)
+        diagnosis = conclude(case)
+        return diagnosis, *page(diagnosis, name, begun.result())
+
+
+def begin(case: Case) -> Begun | None:
+    """What of a page does not wait for the conclusion; None where there are no maps."""
+    if not case.maps[1:]:
+        return None
+    runs = {"recording": case.whole.samples} | _run(case, "base", base_of(case))
+    return Begun(_maps(case), runs, identified(runs, case.whole.rate_hz, case.base.quantity))
+
+
+def page(diagnosis: Diagnosis, name: str, begun: Begun | None = None) -> tuple[str, Report]:
+    """HTML page of a diagnosis, with what of it was begun.
 
     Returns
     -------
@@ -53,15 +97,15 @@ def page(diagnosis: Diagnosis, name: str) -> tuple[str, Report]:
     Report
         The report with what the free-running simulations add.
     """
-    report = diagnosis.report
-    runs = _runs(diagnosis)
+    case, report = diagnosis.case, diagnosis.report
+    begun = begun or begin(case)
+    if begun is None:
+        return document(report, name, []), report
+    runs = begun.runs | (_run(case, "augmented", diagnosis.model) if diagnosis.augmented else {})
     report = _with_runs(diagnosis, report, runs)
-    pictures = []
-    if report.fit.held_out_s:
-        pictures = [("Where they differ", _maps(diagnosis))]
-        pictures.append(("Recording and simulations", _comparison(diagnosis, runs)))
-        found = identified(runs, diagnosis.case.whole.rate_hz, diagnosis.base.sensor.quantity)
-        pictures += [("Stiffness and damping by energy", _by_energy(found))] if found else []
+    pictures = [("Where they differ", begun.maps), ("Recording and simulations", _comparison(diagnosis, runs))]
+    found = identified(runs, case.whole.rate_hz, case.base.quantity, begun.found)
+    pictures += [("Stiffness and damping by energy", _by_energy(found))] if found else []
     return document(report, name, pictures), report
 
 
@@ -86,17 +130,10 @@ def document(report: Report, name: str, pictures: Sequence[tuple[str, str]], com
     )
 
 
-def _runs(diagnosis: Diagnosis) -> dict[str, Vector]:
-    """Recording and simulations that run on their own, at the recording's rate."""
-    whole = diagnosis.case.whole
-    runs = {"recording": whole.samples}
-    for key, system in (("base", diagnosis.base), ("augmented", diagnosis.model)):
-        if key == "augmented" and diagnosis.augmented is None:
-            continue
-        run = _free(system, min(whole.seconds, RUN_S), whole.rate_hz)
-        if run is not None:
-            runs[key] = run
-    return runs
+def _run(case: Case, name: str, system: MachiningSystem) -> dict[str, Vector]:
+    """A simulation that runs on its own, at the recording's rate, by its name; nothing if there is none."""
+    run = _free(system, min(case.whole.seconds, RUN_S), case.whole.rate_hz)
+    return {} if run is None else {name: run}
 
 
 def _free(system: MachiningSystem, seconds: float, rate_hz: float) -> Vector | None:
@@ -119,7 +156,7 @@ def psd_distance_db(a: Vector, b: Vector, rate_hz: float, top_hz: float) -> floa
 
 
 def _with_runs(diagnosis: Diagnosis, report: Report, runs: dict[str, Vector]) -> Report:
-    if "base" not in runs or not report.fit.held_out_s:
+    if "base" not in runs:
         return report
     rate, recorded = diagnosis.case.whole.rate_hz, runs["recording"]
     top = 0.42 * diagnosis.case.recorded.rate_hz
@@ -204,9 +241,8 @@ def _tables(report: Report) -> str:
     return "".join(parts)
 
 
-def _maps(diagnosis: Diagnosis) -> str:
+def _maps(case: Case) -> str:
     """The maps in one picture."""
-    case = diagnosis.case
     inn = case.innovations
     figure, axes = figure_of(2)
     p = {each.name: each.p_value for each in case.maps}
@@ -222,19 +258,18 @@ def _maps(diagnosis: Diagnosis) -> str:
     _, f, ratio = frequency_map(case.base.spectrum, case.base.fitted)
     axes[1].plot(f, 10.0 * np.log10(ratio), color=RECORDED)
     axes[1].set(xlabel="Hz", ylabel="recording over base, dB", title=f"frequency, p = {p['frequency']:.2g}")
-    _draw_plane(axes[2], diagnosis, p["phase_plane"])
-    _draw_amplitude(axes[3], diagnosis, p["amplitude"])
+    _draw_plane(axes[2], case, p["phase_plane"])
+    _draw_amplitude(axes[3], case, p["amplitude"])
     _, lags, correlation = lag_map(inn.white, used, rate)
     axes[4].plot(1e3 * lags, correlation, color=RECORDED, lw=0.6)
     if inn.linear.spindle is not None:
         axes[4].axvline(1e3 * inn.linear.spindle.delay_s, color=AUGMENTED, ls="--", lw=0.8)
     axes[4].set(xlabel="lag, ms", ylabel="correlation, standard deviations", title=f"lag, p = {p['lag']:.2g}")
-    _draw_angle(axes[5], diagnosis, p["angle"])
+    _draw_angle(axes[5], case, p["angle"])
     return encoded(figure)
 
 
-def _draw_plane(axes: Axes, diagnosis: Diagnosis, p: float) -> None:
-    case = diagnosis.case
+def _draw_plane(axes: Axes, case: Case, p: float) -> None:
     axis = np.linspace(-REACH, REACH, 61)
     x, v = np.meshgrid(axis, axis, indexing="ij")
     force = surface_at(case.ceiling.coefficients, x, v)
@@ -250,8 +285,7 @@ def _draw_plane(axes: Axes, diagnosis: Diagnosis, p: float) -> None:
     axes.set(xlabel="x / rms", ylabel="x' / rms", title=f"phase plane: force nothing linear makes, p = {p:.2g}")
 
 
-def _draw_amplitude(axes: Axes, diagnosis: Diagnosis, p: float) -> None:
-    case = diagnosis.case
+def _draw_amplitude(axes: Axes, case: Case, p: float) -> None:
     motion = case.innovations.motion
     sd_x, sd_v = scales(motion)
     # As predicted from the samples before: an amplitude that has seen the error would choose it.
@@ -272,8 +306,7 @@ def _draw_amplitude(axes: Axes, diagnosis: Diagnosis, p: float) -> None:
     axes.legend(fontsize="small")
 
 
-def _draw_angle(axes: Axes, diagnosis: Diagnosis, p: float) -> None:
-    case = diagnosis.case
+def _draw_angle(axes: Axes, case: Case, p: float) -> None:
     s = case.matrix[0] * case.weight
     product = (case.innovations.white * case.weight) * s
     f, density = dsp.periodogram(product - product.mean(), case.recorded.rate_hz)

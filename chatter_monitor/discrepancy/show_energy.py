@@ -22,7 +22,9 @@ Vector = NDArray[np.float64]
 REPLICATES = 40  # of the bootstrap; the bands are for the eye
 
 
-def identified(runs: Mapping[str, Vector], rate_hz: float, sensed: Sensed) -> dict[str, Identification]:
+def identified(
+    runs: Mapping[str, Vector], rate_hz: float, sensed: Sensed, known: Mapping[str, Identification] | None = None
+) -> dict[str, Identification]:
     """The strongest mode of the recording, in each of the runs.
 
     Parameters
@@ -31,20 +33,24 @@ def identified(runs: Mapping[str, Vector], rate_hz: float, sensed: Sensed) -> di
         The first is the recording, whose band is looked at in all of them.
     rate_hz, sensed
         Their rate, and what they measure; the model's pressure is proportional to the acceleration.
+    known : mapping, optional
+        What was returned before for the recording and some of the runs.
 
     Returns
     -------
     dict
         Without those that cannot be identified; empty if the recording cannot.
     """
-    names, quantity = list(runs), "acceleration" if sensed == "pressure" else sensed
-    recording = _identified(runs[names[0]], rate_hz, quantity, None)
+    quantity = "acceleration" if sensed == "pressure" else sensed
+    first, *others = runs
+    recording = _identified(runs[first], rate_hz, quantity, None) if known is None else known.get(first)
     if recording is None:
         return {}
+    found = {first: recording} if known is None else dict(known)
     band_hz = recording.band.low_hz, recording.band.high_hz
-    others = each(lambda name: _identified(runs[name], rate_hz, quantity, band_hz), names[1:])
-    found = zip(names, [recording, *others], strict=True)
-    return {name: result for name, result in found if result is not None}
+    new = [name for name in others if name not in found]
+    results = each(lambda name: _identified(runs[name], rate_hz, quantity, band_hz), new)
+    return found | {name: result for name, result in zip(new, results, strict=True) if result is not None}
 
 
 def _identified(

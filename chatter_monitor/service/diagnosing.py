@@ -13,7 +13,6 @@ import numpy as np
 
 from chatter_monitor.acquisition.recording import Recording
 from chatter_monitor.discrepancy.band import Recorded
-from chatter_monitor.discrepancy.conclude import conclude
 from chatter_monitor.discrepancy.conclude_chatter import conclude_chatter
 from chatter_monitor.discrepancy.conclude_driven import conclude_driven
 from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
@@ -21,7 +20,7 @@ from chatter_monitor.discrepancy.driven import examine_driven
 from chatter_monitor.discrepancy.oracle import gain_of
 from chatter_monitor.discrepancy.report import Report
 from chatter_monitor.discrepancy.shared import with_process_damping
-from chatter_monitor.discrepancy.show import page
+from chatter_monitor.discrepancy.show import concluded, page
 from chatter_monitor.discrepancy.show_chatter import page_chatter
 from chatter_monitor.discrepancy.show_driven import page_driven
 from chatter_monitor.discrepancy.show_together import page_together
@@ -84,9 +83,9 @@ def diagnose_file(
         progress("report")
         html, report, augmented = page_chatter(chattering, file.name), chattering.report, chattering.model
     elif driven_by is None:
-        diagnosis = conclude(examine(recorded, with_process_damping(system), progress))
-        progress("report")
-        html, report = page(diagnosis, file.name)
+        case = examine(recorded, with_process_damping(system), progress)
+        progress("conclusion and report")
+        diagnosis, html, report = concluded(case, file.name)
         augmented = diagnosis.model
     else:
         force = _read(driven_by, input_channel, between_s)
