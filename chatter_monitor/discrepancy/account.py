@@ -30,13 +30,12 @@ def information(case: Case) -> list[Information]:
     w2 = inn.linear.modes[0].omega ** 2
     x, v = inn.motion.x[0], inn.motion.v[0]
     restoring = w2 * float(np.std(x))
-    linear = np.column_stack([x, v, np.ones_like(x)])
+    linear = np.linalg.qr(np.column_stack([x, v, np.ones_like(x)]))[0]
+    tried = [(s.candidate.term, s.candidate.unit(s.candidate.linear[0])) for s in case.ranking]
     found: dict[str, Information] = {}
-    for scored in case.ranking:
+    for scored, (force, _) in zip(case.ranking, inn.forces(tried), strict=True):
         candidate = scored.candidate
-        unit = candidate.unit(candidate.linear[0])
-        force = inn.force(candidate.term, unit)[0]
-        rest = force - linear @ np.linalg.lstsq(linear, force, rcond=None)[0]
+        rest = force - linear @ (force @ linear)
         sd = float(evidence.regress(scored.all_columns[:1], ~case.training).sd[0])
         detectable = sd * math.sqrt(2.0 * DETECT_NATS) * float(np.std(rest)) / restoring
         seconds = case.whole.seconds * (detectable / 0.02) ** 2

@@ -69,6 +69,7 @@ class Evidence:
         block: int,
     ) -> None:
         self.nuisance = list(nuisance)
+        self._sums: dict[bytes, NDArray[np.float64]] = {}  # of the products, by blocks
         count = max(1, errors.size // block)
         self.block = block
         rows = [errors, *columns]
@@ -88,7 +89,7 @@ class Evidence:
     def only(self, blocks: NDArray[np.bool_]) -> Evidence:
         """The evidence of some blocks."""
         part = copy.copy(self)
-        part.products, part.samples = self.products[blocks], self.samples[blocks]
+        part.products, part.samples, part._sums = self.products[blocks], self.samples[blocks], {}
         part.__dict__.pop("everything", None)
         return part
 
@@ -100,6 +101,7 @@ class Evidence:
             row = column[part] * weight[part] ** 2
             products[b] = [errors[part] @ row, *(columns[:, part] @ row), column[part] @ row]
         row, corner = products[:, :-1], products[:, -1:]
+        self._sums = {}
         self.products = np.block([[self.products, row[:, :, None]], [row[:, None, :], corner[:, None]]])
         return int(self.products.shape[1]) - 2
 
@@ -115,7 +117,10 @@ class Evidence:
 
     def over(self, blocks: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Products summed over blocks; row and column 0 are the errors."""
-        return np.asarray(self.products[blocks].sum(axis=0))
+        which = blocks.tobytes()
+        if which not in self._sums:
+            self._sums[which] = self.products[blocks].sum(axis=0)
+        return self._sums[which]
 
     def regress(self, columns: Sequence[int], blocks: NDArray[np.bool_] | None = None) -> Regressed:
         """Fit some columns beside the nuisance."""

@@ -147,7 +147,9 @@ class Innovations:
         each(some, range(0, len(terms), _SIDE_BY_SIDE))
         return out
 
-    def respond(self, left: Sequence[Matrix] | Matrix, right: Sequence[Matrix] | Matrix | None = None) -> Matrix:
+    def respond(
+        self, left: Sequence[Matrix] | Matrix, right: Sequence[Matrix | NDArray[np.bool_]] | Matrix | None = None
+    ) -> Matrix:
         """Whitened signatures of forces, as functions of the state of `motion`, or from `forces`.
 
         Parameters
@@ -162,7 +164,9 @@ class Innovations:
             Those of one left factor beside each other.
         """
         n = self.errors.size
-        one, other = np.asarray(left), np.ones((1, 2, n)) if right is None else np.asarray(right)
+        one, other = (
+            np.asarray(factor, dtype=np.float64) for factor in (left, [np.ones((2, n))] if right is None else right)
+        )
         found = np.empty((len(one) * len(other), n))
         how = response_of(self.observer, self.taps), unseen_of(self.observer, self.taps)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,31 +79,28 @@ def find_above(case: Case) -> Local | None:
     entries = case.contest.best([], case.training).values()
     tried = [candidate for _, candidate, columns, _ in entries if len(columns) == 1]
     sd_x, _ = scales(case.innovations.motion)
-    best = _best_above(case, [(candidate, float(a * sd_x)) for candidate in tried for a in ABOVE])
+    best = _best_above(case, tried, [float(a * sd_x) for a in ABOVE])
     if best is None:
         return None
     ratio = float(ABOVE[1] / ABOVE[0])
     best = (
-        _best_above(case, [(best.candidate, (best.above or 0.0) * ratio ** float(finer)) for finer in _FINER]) or best
+        _best_above(case, [best.candidate], [(best.above or 0.0) * ratio ** float(finer) for finer in _FINER]) or best
     )
     if best.p_value > SURE or best.gain_nats < _all_along(case) + LESS_NATS:
         return None
     return best
 
 
-def _best_above(case: Case, tried: Sequence[tuple[Candidate, float]]) -> Local | None:
-    """Of candidates with their amplitudes, the one that gains most on the training blocks."""
+def _best_above(case: Case, tried: Sequence[Candidate], amplitudes: Sequence[float]) -> Local | None:
+    """Of candidates at each of the amplitudes, the one that gains most on the training blocks."""
     inn = case.innovations
-    forces: dict[Candidate, NDArray[np.float64]] = {}
-    for candidate, _ in tried:
-        if candidate not in forces:
-            forces[candidate] = inn.force(candidate.term, candidate.unit(candidate.linear[0]))
-    signatures = inn.respond([forces[candidate] * acting(inn, above=above) for candidate, above in tried])
+    forces = inn.forces([(candidate.term, candidate.unit(candidate.linear[0])) for candidate in tried])
+    signatures = inn.respond(forces, [acting(inn, above=above) for above in amplitudes])
     nuisance = case.matrix[case.evidence.nuisance]
     k = len(nuisance)
-    evidence = Evidence(inn.white, np.concatenate([nuisance, signatures]), case.weight, range(k), case.evidence.block)
+    evidence = Evidence(inn.white, [*nuisance, *signatures], case.weight, range(k), case.evidence.block)
     best: Local | None = None
-    for i, (candidate, above) in enumerate(tried):
+    for i, (candidate, above) in enumerate(product(tried, amplitudes)):
         fit = evidence.regress([k + i], case.training)
         gain = fit.gain - PRICE_NATS * (2 + candidate.shapes)
         if fit.coefficients[0] < candidate.lower[0] or (best is not None and gain <= best.gain_nats):

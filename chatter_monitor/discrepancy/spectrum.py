@@ -144,7 +144,7 @@ class _Density:
             vector.append(math.log(start.corner_hz))
         if start.delay_s is not None:
             vector.append(start.regeneration)
-        response = float(np.exp(self.log_response(start)) @ self.step_hz)
+        response = float(self.response(start) @ self.step_hz)
         level = math.log(float(self.spectrum.density @ self.step_hz) / response)
         return np.array([*vector, math.log(start.noise), level, *[0.0] * (len(self.cosines) - 1)])
 
@@ -176,8 +176,8 @@ class _Density:
         noise = math.exp(vector[self.noise_at])
         return replace(self.start, modes=tuple(modes), noise=noise, corner_hz=corner, regeneration=regeneration)
 
-    def log_response(self, linear: Linear) -> Vector:
-        """Logarithm of the squared response of what the sensor measures to the force."""
+    def response(self, linear: Linear) -> Vector:
+        """Squared response of what the sensor measures to the force."""
         s = self.s
         receptance = np.zeros(s.size, dtype=np.complex128)
         for mode in linear.modes:
@@ -188,14 +188,14 @@ class _Density:
         response = receptance * s**power
         if linear.quantity == "pressure":
             response *= s / (s + 2.0 * np.pi * linear.low_cut_hz)
-        squared = np.abs(response) ** 2
+        squared = response.real**2 + response.imag**2
         if linear.corner_hz is not None:
             squared /= 1.0 + (self.spectrum.frequency_hz / linear.corner_hz) ** 4
-        return np.asarray(np.log(squared))
+        return np.asarray(squared)
 
     def noise(self, linear: Linear) -> float:
         """Density of the noise over that of the force."""
-        return self._share(linear, np.exp(self.log_response(linear)))
+        return self._share(linear, self.response(linear))
 
     def _share(self, linear: Linear, response: Vector) -> float:
         return linear.noise * float(response @ self.step_hz) / self.spectrum.nyquist_hz
@@ -203,7 +203,7 @@ class _Density:
     def __call__(self, vector: Vector) -> Vector:
         """Log S at the bins of the periodogram."""
         linear = self.linear(vector)
-        response = np.exp(self.log_response(linear))
+        response = self.response(linear)
         noise = self._share(linear, response)
         return np.asarray(np.log(response + noise) + vector[self.noise_at + 1 :] @ self.cosines)
 
