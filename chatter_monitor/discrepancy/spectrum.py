@@ -123,6 +123,7 @@ class _Density:
         self.start, self.spectrum = start, spectrum
         f = spectrum.frequency_hz
         self.s = 2j * np.pi * f
+        self.square = -((2.0 * np.pi * f) ** 2)
         self.cosines = np.cos(np.pi * np.outer(np.arange(colours + 1), f / spectrum.nyquist_hz))
         self.step_hz = np.gradient(f)
         self.modes = 0 if fixed_modes else len(start.modes)
@@ -181,11 +182,12 @@ class _Density:
         s = self.s
         receptance = np.zeros(s.size, dtype=np.complex128)
         for mode in linear.modes:
-            receptance += mode.participation**2 / (s * s + 2.0 * mode.damping_ratio * mode.omega * s + mode.omega**2)
+            stiffness = self.square + mode.omega**2 + (2.0 * mode.damping_ratio * mode.omega) * s
+            receptance += mode.participation**2 / stiffness
         if self.lag is not None:
             receptance /= 1.0 + linear.regeneration * linear.modes[0].omega ** 2 * (1.0 - self.lag) * receptance
-        power = {"displacement": 0, "velocity": 1, "acceleration": 2, "pressure": 2}[linear.quantity]
-        response = receptance * s**power
+        moved = {"displacement": np.ones(1), "velocity": s, "acceleration": self.square, "pressure": self.square}
+        response = receptance * moved[linear.quantity]
         if linear.quantity == "pressure":
             response *= s / (s + 2.0 * np.pi * linear.low_cut_hz)
         squared = response.real**2 + response.imag**2

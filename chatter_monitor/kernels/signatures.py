@@ -101,7 +101,7 @@ def on_step(s, x0, v0, x1, v1, step_s):
     """Displacement and velocity on a step over which the tool moves along a cubic, s from 0 to 1."""
     r = 1.0 - s
     x = r * r * (1.0 + 2.0 * s) * x0 + s * s * (1.0 + 2.0 * r) * x1 + step_s * s * r * (r * v0 - s * v1)
-    v = 6.0 * s * r * (x1 - x0) / step_s + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
+    v = 6.0 * s * r * (1.0 / step_s) * (x1 - x0) + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
     return x, v
 
 
@@ -138,8 +138,8 @@ def over_step(
         mean += force
         slope += force * (s - 0.5)
         square += (s - 0.5) ** 2
-    mean /= substeps
-    slope /= square
+    mean *= 1.0 / substeps
+    slope *= 1.0 / square
     return mean - 0.5 * slope, mean + 0.5 * slope
 
 
