@@ -119,8 +119,8 @@ def recursion_seconds(orders: tuple[int, int]) -> float:
     p, q = orders
     samples = signal(round(SECONDS * RATE_HZ))
     out = (
-        *(np.empty((len(samples), p // 2), np.float32) for _ in range(4)),
-        np.empty((len(samples), p // 2), np.uint8),
+        *(np.empty((p // 2, len(samples)), np.float32) for _ in range(4)),
+        np.empty((p // 2, len(samples)), np.uint8),
     )
     began = time.process_time()
     track.track(

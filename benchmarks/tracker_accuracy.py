@@ -110,13 +110,13 @@ def measure(modes: list[tuple[float, float]], zeros: list[complex], windows: int
     gap = round(GAP_MEMORIES * MEMORY_S * RATE_HZ)
     rng = np.random.default_rng(seed)
     recursion, factors, tile = rarma.new_state(p, q), poles.new_state(p), odp.new_tile(p)
-    out = (*(np.zeros((gap, p // 2), np.float32) for _ in range(4)), np.zeros((gap, p // 2), np.uint8))
+    out = (*(np.zeros((p // 2, gap), np.float32) for _ in range(4)), np.zeros((p // 2, gap), np.uint8))
     memory = np.zeros(p)
     rows = []
     for _ in range(windows + 1):
         y, memory = lfilter(c, a, rng.standard_normal(gap), zi=memory)
         track.track(p, q, y, recursion, factors, tile, forgetting, RATE_HZ, out)
-        rows.append([column[-1].astype(float) for column in out[:4]])
+        rows.append([column[:, -1].astype(float) for column in out[:4]])
     estimates = np.array(rows[1:])  # window, quantity, mode
     by_frequency = np.argsort(estimates[:, :1, :], axis=2)  # a slot may have met its mode crossing the other's
     estimates = np.take_along_axis(estimates, by_frequency, axis=2)

@@ -22,11 +22,13 @@ from pathlib import Path
 
 import numpy as np
 import padasip
+from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from benchmarks.tracker_accuracy import autoregression
 from chatter_monitor.kernels import odp, poles, rarma, track
+from chatter_monitor.kernels.options import OPTIONS
 from tests import naive
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -53,16 +55,25 @@ def nanoseconds(run: Callable[[NDArray[np.float64]], object], samples: NDArray[n
 
 def tracker(samples: NDArray[np.float64]) -> None:
     """Everything: recursion, poles, damping, frequency, standard deviations, status."""
-    out = (*(np.empty((len(samples), 2), np.float32) for _ in range(4)), np.empty((len(samples), 2), np.uint8))
+    out = (*(np.empty((2, len(samples)), np.float32) for _ in range(4)), np.empty((2, len(samples)), np.uint8))
     track.track(4, 3, samples, rarma.new_state(4, 3), poles.new_state(4), odp.new_tile(4), FORGETTING, RATE_HZ, out)
 
 
 def values_from_poles(samples: NDArray[np.float64]) -> None:
     """The part of the tracker that the yardstick lacks most of: frequency, damping, standard deviations from poles."""
     tile = odp.new_tile(4)
-    tile.b[:], tile.c[:], tile.d[:] = [[-1.9], [-1.0]], [[0.95], [0.9]], 1e-4
-    for _ in range(len(samples) // odp.TILE):
-        odp.evaluate(4, tile)
+    for mode, factor in enumerate([(-1.9, 0.95), (-1.0, 0.9)]):
+        begin = odp.factor_row(mode)
+        tile[begin : begin + 2 * odp.TILE] = np.repeat(factor, odp.TILE)
+    _evaluate(tile, len(samples) // odp.TILE)
+
+
+@njit(**OPTIONS)
+def _evaluate(tile: NDArray[np.float64], times: int) -> None:
+    """Evaluate both modes of a tile again and again."""
+    for _ in range(times):
+        for mode in range(2):
+            odp.evaluate(4, mode, tile)
 
 
 def numpy_loop(samples: NDArray[np.float64]) -> None:

@@ -20,7 +20,7 @@ from chatter_monitor.kernels.track import OSCILLATORY, REAL_PAIR, STARTING, recu
 
 
 class Columns(NamedTuple):
-    """ODPs, ``shape (..., samples, modes)``: float32, status uint8."""
+    """ODPs, ``shape (..., modes, samples)``, in a frame ``(samples, modes)``: float32, status uint8."""
 
     frequency: np.ndarray
     damping: np.ndarray
@@ -43,16 +43,17 @@ class Octaves(NamedTuple):
     recursion : RarmaState
     poles : PoleState
     columns : Columns
-        ODPs since the last frame at the octave's rate. Row 0 is the last one before.
+        ODPs since the last frame at the octave's rate. Sample 0 is the last one before.
     filled : ndarray of int64, shape (octaves,)
-        Rows of the columns.
+        Samples in the columns.
     forgetting, rate : ndarray of float64, shape (octaves,)
         As in `track.track`.
     shares : ndarray of float64, shape (octaves, modes)
         Of each mode in the power of the octave's signal.
     halvers : HalfBandState
         Of every halving, from the first on.
-    tile : Tile
+    tile : ndarray of float64
+        Work space (`odp`).
     high_pass : ndarray of float64, shape (2,)
     signal, work : ndarray of float64, shape (interval,)
         The signal of the frame that comes in, without offset; work space.
@@ -68,7 +69,7 @@ class Octaves(NamedTuple):
     rate: np.ndarray
     shares: np.ndarray
     halvers: conditioning.HalfBandState
-    tile: odp.Tile
+    tile: np.ndarray
     high_pass: np.ndarray
     signal: np.ndarray
     work: np.ndarray
@@ -93,10 +94,10 @@ def new_state(p: int, q: int, octaves: range, memory_s: float, rate_hz: float, i
     """
     count, modes = len(octaves), p // 2
     rates = rate_hz / 2.0 ** np.array(octaves)
-    columns = new_columns(count, 2 + interval // 2 ** octaves[0], modes)
+    columns = new_columns(count, modes, 2 + interval // 2 ** octaves[0])
     for column in columns[:4]:
-        column[:, 0] = np.nan
-    columns.status[:, 0] = STARTING
+        column[..., 0] = np.nan
+    columns.status[..., 0] = STARTING
     return Octaves(
         recursion=rarma.RarmaState(*(np.stack([part] * count) for part in rarma.new_state(p, q))),
         poles=poles.PoleState(*(np.stack([part] * count) for part in poles.new_state(p))),
@@ -140,15 +141,15 @@ def _halver(state, k):
 def _columns(state, k, begin, end):
     c = state.columns
     return Columns(
-        c.frequency[k, begin:end],
-        c.damping[k, begin:end],
-        c.frequency_sd[k, begin:end],
-        c.damping_sd[k, begin:end],
-        c.status[k, begin:end],
+        c.frequency[k, :, begin:end],
+        c.damping[k, :, begin:end],
+        c.frequency_sd[k, :, begin:end],
+        c.damping_sd[k, :, begin:end],
+        c.status[k, :, begin:end],
     )
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(inline="always", **OPTIONS)
 def _advance(p, q, first, samples, filled, corner, state):
     n = samples.shape[0]
     signal, work = state.signal[filled : filled + n], state.work
@@ -250,8 +251,8 @@ def survey(p, q, first, begin, state, frequencies, powers):
             powers[k, m] = state.shares[k, m] * recursion.level[rarma.POWER]
             known = 0
             for row in range(shown, state.filled[k]):
-                frequency = state.columns.frequency[k, row, m]
-                if state.columns.status[k, row, m] != STARTING and not math.isnan(frequency):
+                frequency = state.columns.frequency[k, m, row]
+                if state.columns.status[k, m, row] != STARTING and not math.isnan(frequency):
                     state.values[known] = frequency
                     known += 1
             frequencies[k, m] = median(state.values[:known]) if 2 * known > rows else math.nan
@@ -277,7 +278,7 @@ def show(first, begin, chosen, columns, filled, out):
         k, m = chosen[slot, 0], chosen[slot, 1]
         for t in range(out.status.shape[0]):
             if k < 0:
-                status = columns.status[0, _row(begin + t, begin, first), 0]
+                status = columns.status[0, 0, _row(begin + t, begin, first)]
                 out.frequency[t, slot] = math.nan
                 out.damping[t, slot] = math.nan
                 out.frequency_sd[t, slot] = math.nan
@@ -285,19 +286,19 @@ def show(first, begin, chosen, columns, filled, out):
                 out.status[t, slot] = REAL_PAIR if status == OSCILLATORY else status
             else:
                 row = _row(begin + t, begin, first + k)
-                out.frequency[t, slot] = columns.frequency[k, row, m]
-                out.damping[t, slot] = columns.damping[k, row, m]
-                out.frequency_sd[t, slot] = columns.frequency_sd[k, row, m]
-                out.damping_sd[t, slot] = columns.damping_sd[k, row, m]
-                out.status[t, slot] = columns.status[k, row, m]
+                out.frequency[t, slot] = columns.frequency[k, m, row]
+                out.damping[t, slot] = columns.damping[k, m, row]
+                out.frequency_sd[t, slot] = columns.frequency_sd[k, m, row]
+                out.damping_sd[t, slot] = columns.damping_sd[k, m, row]
+                out.status[t, slot] = columns.status[k, m, row]
     for k in range(filled.shape[0]):
         last = filled[k] - 1
-        for m in range(columns.status.shape[2]):
-            columns.frequency[k, 0, m] = columns.frequency[k, last, m]
-            columns.damping[k, 0, m] = columns.damping[k, last, m]
-            columns.frequency_sd[k, 0, m] = columns.frequency_sd[k, last, m]
-            columns.damping_sd[k, 0, m] = columns.damping_sd[k, last, m]
-            columns.status[k, 0, m] = columns.status[k, last, m]
+        for m in range(columns.status.shape[1]):
+            columns.frequency[k, m, 0] = columns.frequency[k, m, last]
+            columns.damping[k, m, 0] = columns.damping[k, m, last]
+            columns.frequency_sd[k, m, 0] = columns.frequency_sd[k, m, last]
+            columns.damping_sd[k, m, 0] = columns.damping_sd[k, m, last]
+            columns.status[k, m, 0] = columns.status[k, m, last]
         filled[k] = 1
 
 

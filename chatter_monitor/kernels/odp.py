@@ -1,153 +1,156 @@
 """From quadratic factors to operational dynamic parameters and their confidence (paper, eq. (24), (25), corrected).
 
 The recursion has to go sample by sample, but turning its poles into frequency, damping and standard deviations does
-not: it is done for a tile of samples at once, row by row, in vector instructions. A tile is always evaluated whole, so
-how samples fall into tiles cannot change a bit of the result.
+not: it is done for a tile of samples at once, in vector instructions. A tile is always evaluated whole, so how samples
+fall into tiles cannot change a bit of the result.
+
+A tile is one array with a row of `TILE` samples for each quantity, at places that the compiler knows, and the loop over
+its samples neither branches nor calls: only then does it see that samples do not depend on each other.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.options import OPTIONS
 
-TILE = 64
+TILE = 16  # a whole number of vectors, and little is evaluated in vain where few samples come at a time
 TAN_EIGHTH = math.sqrt(2.0) - 1.0
+SQRT2 = math.sqrt(2.0)
+
+# Where the rows of the results begin, and where they end
+OMEGA, DAMPING, OMEGA_SD, DAMPING_SD, RESULTS = (TILE * i for i in range(5))
 
 
-class Tile(NamedTuple):
-    """Factors and covariances of TILE samples, and what is made of them. The last axis counts samples.
-
-    ``b[modes]``, ``c[modes]``: factors z^2 + b z + c, NaN where there is nothing to evaluate; ``u[p, p]``, ``d[p]``:
-    covariance of A's coefficients as U D U' (row j of u holds column j of U). Results: ``omega[modes]`` (radians per
-    sample), ``damping[modes]``, ``omega_sd[modes]``, ``damping_sd[modes]``; NaN where the factor has real roots.
-    ``by_omega[p]``, ``by_damping[p]`` (gradients) and ``row[12]`` are work space.
-    """
-
-    b: np.ndarray
-    c: np.ndarray
-    u: np.ndarray
-    d: np.ndarray
-    omega: np.ndarray
-    damping: np.ndarray
-    omega_sd: np.ndarray
-    damping_sd: np.ndarray
-    by_omega: np.ndarray
-    by_damping: np.ndarray
-    row: np.ndarray
+@njit(inline="always", **OPTIONS)
+def factor_row(mode):
+    """Where the row of b begins in the factor z^2 + b z + c of a mode, NaN where there is nothing; c is in the next."""
+    return RESULTS + 2 * mode * TILE
 
 
-def new_tile(p: int) -> Tile:
+@njit(inline="always", **OPTIONS)
+def covariance_row(p, j):
+    """Where the rows of column j begin in the covariance U D U' of A's coefficients: U above the diagonal, then D."""
+    return RESULTS + (p + j * (j + 1) // 2) * TILE
+
+
+@njit(inline="always", **OPTIONS)
+def _work_row(p):
+    """Where the work space begins: the factors again, the mode's own first, and two gradients."""
+    return covariance_row(p, p)
+
+
+def new_tile(p: int) -> np.ndarray:
     """Allocate a tile for A of even degree p."""
-    modes = p // 2
-    return Tile(
-        b=np.full((modes, TILE), np.nan),
-        c=np.full((modes, TILE), np.nan),
-        u=np.zeros((p, p, TILE)),
-        d=np.zeros((p, TILE)),
-        omega=np.full((modes, TILE), np.nan),
-        damping=np.full((modes, TILE), np.nan),
-        omega_sd=np.full((modes, TILE), np.nan),
-        damping_sd=np.full((modes, TILE), np.nan),
-        by_omega=np.zeros((p, TILE)),
-        by_damping=np.zeros((p, TILE)),
-        row=np.zeros((12, TILE)),
-    )
+    return np.zeros(RESULTS + (p + p * (p + 1) // 2 + 3 * p) * TILE)
 
 
-@njit(forceinline=True, **OPTIONS)
-def log_of_square(modulus):
-    """ln(modulus^2) by the series of 2 artanh after two square roots: relative 1e-9 for 0.05 < modulus < 20."""
-    fourth_root = math.sqrt(math.sqrt(modulus))
-    t = (fourth_root - 1.0) / (fourth_root + 1.0)
+@njit(inline="always", **OPTIONS)
+def _doubled(x, logarithm, factor):
+    """Multiply x by a factor where it stays below sqrt(2); with the logarithm of what it is then too large by."""
+    small = x * factor < SQRT2
+    return x * factor if small else x, logarithm - math.log(factor) if small else logarithm
+
+
+@njit(inline="always", **OPTIONS)
+def _halved(x, logarithm, factor):
+    """Divide x by a factor where it stays above 1 / sqrt(2)."""
+    large = x > factor / SQRT2
+    return x / factor if large else x, logarithm + math.log(factor) if large else logarithm
+
+
+@njit(inline="always", **OPTIONS)
+def log(x):
+    """ln(x) to a relative 1e-10 for 3e-5 < x < 90: doubled and halved to near 1, then a series of 2 artanh."""
+    logarithm = 0.0
+    x, logarithm = _doubled(x, logarithm, 256.0)
+    x, logarithm = _doubled(x, logarithm, 16.0)
+    x, logarithm = _doubled(x, logarithm, 4.0)
+    x, logarithm = _doubled(x, logarithm, 2.0)
+    x, logarithm = _halved(x, logarithm, 8.0)
+    x, logarithm = _halved(x, logarithm, 4.0)
+    x, logarithm = _halved(x, logarithm, 2.0)
+    t = (x - 1.0) / (x + 1.0)
     s = t * t
-    series = 1 / 11 + s * (1 / 13 + s * (1 / 15 + s * (1 / 17 + s * (1 / 19 + s * (1 / 21)))))
-    return 16.0 * t * (1.0 + s * (1 / 3 + s * (1 / 5 + s * (1 / 7 + s * (1 / 9 + s * series)))))
+    return logarithm + 2.0 * t * (1.0 + s * (1 / 3 + s * (1 / 5 + s * (1 / 7 + s * (1 / 9 + s * (1 / 11))))))
 
 
-@njit(forceinline=True, **OPTIONS)
-def arctan_to_one(x):
-    """arctan(x) for 0 <= x <= 1 to a relative 1e-9; the series converges once x is brought below tan(pi/8)."""
-    steep = x > TAN_EIGHTH
-    y = (x - 1.0) / (x + 1.0) if steep else x
+@njit(inline="always", **OPTIONS)
+def angle_above(re, im):
+    """Angle of re + j im, im >= 0, to a relative 1e-9: turned by 45 or 90 degrees to within 22.5, then a series."""
+    side = abs(re)
+    flat = im < TAN_EIGHTH * side
+    steep = TAN_EIGHTH * im > side
+    above = im if flat else (-side if steep else im - side)
+    along = side if flat else (im if steep else im + side)
+    turned = 0.0 if flat else (0.5 * math.pi if steep else 0.25 * math.pi)
+    y = above / along
     s = -y * y
     series = 1 / 13 + s * (1 / 15 + s * (1 / 17 + s * (1 / 19 + s * (1 / 21))))
-    arc = y * (1.0 + s * (1 / 3 + s * (1 / 5 + s * (1 / 7 + s * (1 / 9 + s * (1 / 11 + s * series))))))
-    return arc + 0.25 * math.pi if steep else arc
+    arc = turned + y * (1.0 + s * (1 / 3 + s * (1 / 5 + s * (1 / 7 + s * (1 / 9 + s * (1 / 11 + s * series))))))
+    return arc if re >= 0.0 else math.pi - arc
 
 
-@njit(**OPTIONS)
-def evaluate(p, tile):
-    """Fill in the results of a whole tile.
+@njit(inline="always", **OPTIONS)
+def evaluate(p, mode, tile):
+    """Fill in the results of a mode for a whole tile, NaN where its factor has real roots.
 
-    For the upper root mu = re + j im of each factor: ln(mu) = decay + j angle, omega = abs(ln mu) (eq. (25)),
-    damping = -decay / omega (eq. (24) with the angle from atan2). Standard deviations by the delta method, with
-    d ln(mu) / d a[i] = -mu^(p-2-i) / A'(mu) and A'(mu) = 2 j im (product of the other factors at mu).
+    For the upper root mu = re + j im of its factor: ln(mu) = decay + j angle, omega = abs(ln mu) (eq. (25), radians per
+    sample), damping = -decay / omega (eq. (24) with the angle from atan2). Standard deviations by the delta method,
+    with d ln(mu) / d a[i] = -mu^(p-2-i) / A'(mu) and A'(mu) = 2 j im (product of the other factors at mu).
     """
-    b, c, u, d, omega, damping, omega_sd, damping_sd, by_omega, by_damping, row = tile
-    re, im, product_re, product_im, power_re, power_im = row[0], row[1], row[2], row[3], row[4], row[5]
-    omega_by_decay, omega_by_angle, damping_by_decay, damping_by_angle = row[6], row[7], row[8], row[9]
-    along_omega, along_damping = row[10], row[11]
-    for m in range(p // 2):
-        for t in range(TILE):
-            re[t] = -0.5 * b[m, t]
-            im[t] = 0.5 * math.sqrt(4.0 * c[m, t] - b[m, t] * b[m, t])
-            product_re[t] = 1.0
-            product_im[t] = 0.0
-        for t in range(TILE):
-            modulus = math.sqrt(c[m, t])
-            decay = 0.5 * log_of_square(modulus)
-            arc = 2.0 * arctan_to_one(im[t] / (modulus + abs(re[t])))
-            angle = arc if re[t] >= 0.0 else math.pi - arc
-            size = math.sqrt(decay * decay + angle * angle)
-            inverse = 1.0 / size
-            omega[m, t] = size
-            damping[m, t] = -decay * inverse
-            omega_by_decay[t] = decay * inverse
-            omega_by_angle[t] = angle * inverse
-            cube = inverse * inverse * inverse
-            damping_by_decay[t] = -angle * angle * cube
-            damping_by_angle[t] = decay * angle * cube
-        for k in range(p // 2):
-            if k == m:
-                continue
-            for t in range(TILE):
-                other_re = re[t] * re[t] - im[t] * im[t] + b[k, t] * re[t] + c[k, t]
-                other_im = (2.0 * re[t] + b[k, t]) * im[t]
-                old = product_re[t]
-                product_re[t] = old * other_re - product_im[t] * other_im
-                product_im[t] = old * other_im + product_im[t] * other_re
-        for t in range(TILE):
-            # -1 / (A'(mu) mu): the gradient of the last coefficient
-            slope_re = -2.0 * im[t] * product_im[t]
-            slope_im = 2.0 * im[t] * product_re[t]
-            divisor_re = slope_re * re[t] - slope_im * im[t]
-            divisor_im = slope_re * im[t] + slope_im * re[t]
-            scale = -1.0 / (divisor_re * divisor_re + divisor_im * divisor_im)
-            power_re[t] = divisor_re * scale
-            power_im[t] = -divisor_im * scale
-            omega_sd[m, t] = 0.0
-            damping_sd[m, t] = 0.0
+    own = _work_row(p)
+    by_omega, by_damping = own + p * TILE, own + 2 * p * TILE
+    for k in range(p // 2):
+        place = own if k == mode else own + 2 * (k + (k < mode)) * TILE
+        for t in range(2 * TILE):
+            tile[place + t] = tile[factor_row(k) + t]
+    for t in range(TILE):
+        b, c = tile[own + t], tile[own + TILE + t]
+        re = -0.5 * b
+        im = 0.5 * math.sqrt(4.0 * c - b * b)
+        decay = 0.5 * log(c)
+        angle = angle_above(re, im)
+        omega = math.sqrt(decay * decay + angle * angle)
+        inverse = 1.0 / omega
+        tile[OMEGA + t] = omega
+        tile[DAMPING + t] = -decay * inverse
+        omega_by_decay = decay * inverse
+        omega_by_angle = angle * inverse
+        cube = inverse * inverse * inverse
+        damping_by_decay = -angle * angle * cube
+        damping_by_angle = decay * angle * cube
+        product_re, product_im = 1.0, 0.0
+        for k in range(1, p // 2):
+            other_re = re * re - im * im + tile[own + 2 * k * TILE + t] * re + tile[own + (2 * k + 1) * TILE + t]
+            other_im = (2.0 * re + tile[own + 2 * k * TILE + t]) * im
+            product_re, product_im = (
+                product_re * other_re - product_im * other_im,
+                product_re * other_im + product_im * other_re,
+            )
+        # -1 / (A'(mu) mu): the gradient of the last coefficient
+        slope_re = -2.0 * im * product_im
+        slope_im = 2.0 * im * product_re
+        divisor_re = slope_re * re - slope_im * im
+        divisor_im = slope_re * im + slope_im * re
+        scale = -1.0 / (divisor_re * divisor_re + divisor_im * divisor_im)
+        power_re = divisor_re * scale
+        power_im = -divisor_im * scale
         for i in range(p - 1, -1, -1):
-            for t in range(TILE):
-                by_omega[i, t] = omega_by_decay[t] * power_re[t] + omega_by_angle[t] * power_im[t]
-                by_damping[i, t] = damping_by_decay[t] * power_re[t] + damping_by_angle[t] * power_im[t]
-                old = power_re[t]
-                power_re[t] = old * re[t] - power_im[t] * im[t]
-                power_im[t] = old * im[t] + power_im[t] * re[t]
+            tile[by_omega + i * TILE + t] = omega_by_decay * power_re + omega_by_angle * power_im
+            tile[by_damping + i * TILE + t] = damping_by_decay * power_re + damping_by_angle * power_im
+            power_re, power_im = power_re * re - power_im * im, power_re * im + power_im * re
+        omega_variance = 0.0
+        damping_variance = 0.0
         for j in range(p):
-            for t in range(TILE):
-                along_omega[t] = by_omega[j, t]
-                along_damping[t] = by_damping[j, t]
+            along_omega = tile[by_omega + j * TILE + t]
+            along_damping = tile[by_damping + j * TILE + t]
+            column = covariance_row(p, j)
             for i in range(j):
-                for t in range(TILE):
-                    along_omega[t] += u[j, i, t] * by_omega[i, t]
-                    along_damping[t] += u[j, i, t] * by_damping[i, t]
-            for t in range(TILE):
-                omega_sd[m, t] += d[j, t] * along_omega[t] * along_omega[t]
-                damping_sd[m, t] += d[j, t] * along_damping[t] * along_damping[t]
-        for t in range(TILE):
-            omega_sd[m, t] = math.sqrt(omega_sd[m, t])
-            damping_sd[m, t] = math.sqrt(damping_sd[m, t])
+                along_omega += tile[column + i * TILE + t] * tile[by_omega + i * TILE + t]
+                along_damping += tile[column + i * TILE + t] * tile[by_damping + i * TILE + t]
+            omega_variance += tile[column + j * TILE + t] * along_omega * along_omega
+            damping_variance += tile[column + j * TILE + t] * along_damping * along_damping
+        tile[OMEGA_SD + t] = math.sqrt(omega_variance)
+        tile[DAMPING_SD + t] = math.sqrt(damping_variance)

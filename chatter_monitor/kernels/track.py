@@ -15,7 +15,7 @@ HELD = 2
 STARTING = 3
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(inline="always", **OPTIONS)
 def recurse(p, q, samples, recursion, pole_state, tile, forgetting, rate, out):
     """`track`, to be inlined where the orders are known."""
     frequency, damping, frequency_sd, damping_sd, status = out
@@ -32,9 +32,8 @@ def recurse(p, q, samples, recursion, pole_state, tile, forgetting, rate, out):
             adapted = rarma.step(p, q, samples[begin + t], recursion, forgetting)
             if counts[rarma.ADAPTED] < rarma.SAMPLES_PER_COEFFICIENT * (p + q):
                 for m in range(modes):
-                    status[begin + t, m] = STARTING
-                    tile.b[m, t] = np.nan
-                    tile.c[m, t] = np.nan
+                    status[m, begin + t] = STARTING
+                    tile[odp.factor_row(m) + t] = np.nan
                 continue
             if adapted:
                 if counts[rarma.ADAPTED] == memory:
@@ -43,24 +42,25 @@ def recurse(p, q, samples, recursion, pole_state, tile, forgetting, rate, out):
             for m in range(modes):
                 b = factors[m, 0]
                 c = factors[m, 1]
-                tile.b[m, t] = b
-                tile.c[m, t] = c
+                tile[odp.factor_row(m) + t] = b
+                tile[odp.factor_row(m) + odp.TILE + t] = c
                 if not b * b < 4.0 * c:
-                    status[begin + t, m] = REAL_PAIR
+                    status[m, begin + t] = REAL_PAIR
                 else:
-                    status[begin + t, m] = OSCILLATORY if adapted else HELD
+                    status[m, begin + t] = OSCILLATORY if adapted else HELD
             scale = level[rarma.SCATTER] * level[rarma.WINDOW_SQUARED] / level[rarma.WINDOW]
             for j in range(p):
-                tile.d[j, t] = scale * d[q + j]
+                column = odp.covariance_row(p, j) + t
                 for i in range(j):
-                    tile.u[j, i, t] = u[q + j, q + i]
-        odp.evaluate(p, tile)
-        for t in range(size):
-            for m in range(modes):
-                frequency[begin + t, m] = tile.omega[m, t] * hertz
-                damping[begin + t, m] = tile.damping[m, t]
-                frequency_sd[begin + t, m] = tile.omega_sd[m, t] * hertz
-                damping_sd[begin + t, m] = tile.damping_sd[m, t]
+                    tile[column + i * odp.TILE] = u[q + j, q + i]
+                tile[column + j * odp.TILE] = scale * d[q + j]
+        for m in range(modes):
+            odp.evaluate(p, m, tile)
+            for t in range(size):
+                frequency[m, begin + t] = tile[odp.OMEGA + t] * hertz
+                damping[m, begin + t] = tile[odp.DAMPING + t]
+                frequency_sd[m, begin + t] = tile[odp.OMEGA_SD + t] * hertz
+                damping_sd[m, begin + t] = tile[odp.DAMPING_SD + t]
 
 
 @njit(**OPTIONS)
@@ -81,7 +81,7 @@ def track(
     samples: np.ndarray,
     recursion: rarma.RarmaState,
     pole_state: poles.PoleState,
-    tile: odp.Tile,
+    tile: np.ndarray,
     forgetting: float,
     rate: float,
     out: tuple[np.ndarray, ...],
@@ -94,13 +94,13 @@ def track(
         Orders of A (even) and C.
     samples : ndarray of float64, shape (n,)
         The signal; non-finite samples count as missing.
-    recursion, pole_state, tile : RarmaState, PoleState, Tile
+    recursion, pole_state, tile : RarmaState, PoleState, ndarray
         Changed in place; carry the first two over to the next stretch.
     forgetting : float
         lambda = 1 - 1 / (memory in samples).
     rate : float
         Sample rate in Hz.
-    out : tuple of ndarray, shape (n, p / 2) each
+    out : tuple of ndarray, shape (p / 2, n) each
         frequency (Hz), damping ratio, their standard deviations (float32), status (uint8).
     """
     if (p, q) == (4, 3):

@@ -26,9 +26,9 @@ class Channel:
 
     def run(self, samples: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         n, modes = len(samples), self.p // 2
-        out = (*(np.zeros((n, modes), np.float32) for _ in range(4)), np.zeros((n, modes), np.uint8))
+        out = (*(np.zeros((modes, n), np.float32) for _ in range(4)), np.zeros((modes, n), np.uint8))
         track.track(self.p, self.q, samples, self.recursion, self.poles, self.tile, self.forgetting, RATE, out)
-        return list(out)
+        return [column.T for column in out]
 
 
 def cut(n: int, seed: int = 1) -> NDArray[np.float64]:
