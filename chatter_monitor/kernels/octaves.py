@@ -6,16 +6,18 @@ octaves are stacked: a kernel that is handed few arrays starts sooner.
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels import conditioning, odp, poles, rarma
+from chatter_monitor.kernels.binding import bound
 from chatter_monitor.kernels.median import median
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.share import modal_shares
-from chatter_monitor.kernels.slots import assign
+from chatter_monitor.kernels.slots import Slots, assign
 from chatter_monitor.kernels.track import OSCILLATORY, REAL_PAIR, STARTING, recurse
 
 
@@ -169,18 +171,18 @@ def _advance(p, q, first, samples, filled, corner, state):
 
 @njit(**OPTIONS)
 def _advance_4_3(first, samples, filled, corner, state):
-    """`advance` with the orders of the paper known to the compiler, which makes it several times faster."""
+    """`_advance` with the orders of the paper known to the compiler, which makes it several times faster."""
     _advance(4, 3, first, samples, filled, corner, state)
 
 
 @njit(**OPTIONS)
 def _advance_any(p, q, first, samples, filled, corner, state):
-    """`advance` for orders that are known at run time only."""
+    """`_advance` for orders that are known at run time only."""
     _advance(p, q, first, samples, filled, corner, state)
 
 
-def advance(p: int, q: int, first: int, samples: np.ndarray, filled: int, corner: float, state: Octaves) -> None:
-    """Take in samples of a frame: into every octave.
+def advancing(p: int, q: int, first: int, corner: float, state: Octaves) -> Callable[[np.ndarray, int], None]:
+    """How samples of a frame are taken in: into every octave.
 
     Parameters
     ----------
@@ -188,42 +190,50 @@ def advance(p: int, q: int, first: int, samples: np.ndarray, filled: int, corner
         Orders of A and C.
     first : int
         Halvings before the first recursion.
-    samples : ndarray of float64, shape (n,)
-        The signal; those that are not finite are missing.
-    filled : int
-        Samples of the frame that have come before; with these there are at most as many as the state has room for.
     corner : float
         Of the high-pass, in radians per sample.
     state : Octaves
-        Changed in place.
+        To be changed in place.
+
+    Returns
+    -------
+    callable
+        Of samples, contiguous float64, shape (n,), those that are not finite missing; and of how many samples of the
+        frame have come before: with these there may be at most as many as the state has room for.
     """
-    if (p, q) == (4, 3):
-        _advance_4_3(first, samples, filled, corner, state)
-    else:
-        _advance_any(p, q, first, samples, filled, corner, state)
+    kernel, orders = (_advance_4_3, ()) if (p, q) == (4, 3) else (_advance_any, (p, q))
+    machine_code = bound(kernel, *orders, first, state.signal, 0, corner, state)
+    return lambda samples, filled: machine_code(*orders, first, samples, filled, corner, state)
 
 
 @njit(**OPTIONS)
-def complete(p, q, first, begin, state, slots, out):
-    """Fill a frame, which ends with the samples taken last, with the modes that it reports, and begin the next.
-
-    Parameters
-    ----------
-    p, q, first : int
-        As in `advance`.
-    begin : int
-        Index of the frame's first sample in the source.
-    state : Octaves
-    slots : Slots
-        Left with what is reported.
-    out : Columns, shape (samples, slots)
-        The result.
-    """
+def _complete(p, q, first, begin, state, slots, out):
     survey(p, q, first, begin, state, slots.frequencies, slots.powers)
     assign(slots)
     for slot in range(slots.hold.shape[0]):
         slots.hold[slot] = 1 << (first + max(slots.chosen[slot, 0], 0))
     show(first, begin, slots.chosen, state.columns, state.filled, out)
+
+
+def completing(p: int, q: int, first: int, state: Octaves, slots: Slots) -> Callable[[int, Columns], None]:
+    """How a frame, which ends with the samples taken last, is filled with the modes that it reports.
+
+    Parameters
+    ----------
+    p, q, first : int
+        As in `advancing`.
+    state : Octaves
+        To begin the next frame.
+    slots : Slots
+        To be left with what is reported.
+
+    Returns
+    -------
+    callable
+        Of the index of the frame's first sample in the source, and of the result, shape (samples, slots).
+    """
+    machine_code = bound(_complete, p, q, first, 0, state, slots, new_columns(0, 0))
+    return lambda begin, out: machine_code(p, q, first, begin, state, slots, out)
 
 
 @njit(**OPTIONS)
@@ -233,7 +243,7 @@ def survey(p, q, first, begin, state, frequencies, powers):
     Parameters
     ----------
     p, q, first, begin : int
-        As in `complete`.
+        As in `completing`.
     state : Octaves
         Its ``shares`` are brought up to date.
     frequencies : ndarray of float64, shape (octaves, modes)
@@ -265,7 +275,7 @@ def show(first, begin, chosen, columns, filled, out):
     Parameters
     ----------
     first, begin : int
-        As in `complete`.
+        As in `completing`.
     chosen : ndarray of int64, shape (slots, 2)
         Octave (counted from the first recursion) and mode to be shown in each slot; -1 for none. That reads as a pair
         of real poles: no frequency; held or starting as its neighbours.

@@ -95,13 +95,15 @@ class Tracker:
         self._channel = channel
         rate = settings.sample_rate_hz
         self._interval = round(INTERVAL_S * rate)
-        self._first_octave = 0 if source_rate_hz is None else max(0, math.ceil(math.log2(rate / source_rate_hz)))
+        first_octave = 0 if source_rate_hz is None else max(0, math.ceil(math.log2(rate / source_rate_hz)))
         known = math.floor(math.log2(settings.samples_per_coefficient / SAMPLES_PER_COEFFICIENT))
-        end = min(self._first_octave + settings.bands, known + 1)
-        octaves = range(self._first_octave, max(end, self._first_octave + 1))
+        end = min(first_octave + settings.bands, known + 1)
+        octaves = range(first_octave, max(end, first_octave + 1))
         self._octaves = kernel.new_state(*settings.orders, octaves, settings.memory_ms * 1e-3, rate, self._interval)
-        self._corner = 2 * np.pi * settings.high_pass_hz / rate
         self._slots = new_slots(np.array(homes(rate, octaves)), settings.orders[0] // 2, settings.modes)
+        corner = 2 * np.pi * settings.high_pass_hz / rate
+        self._advance = kernel.advancing(*settings.orders, first_octave, corner, self._octaves)
+        self._complete = kernel.completing(*settings.orders, first_octave, self._octaves, self._slots)
         self._next_sample = 0
         self._filled = 0
         self._lost = 0
@@ -149,14 +151,7 @@ class Tracker:
 
     def _track(self, samples: NDArray[np.float64]) -> None:
         """Fill in the ODPs of consecutive samples that fit into the frame."""
-        kernel.advance(
-            *self._settings.orders,
-            self._first_octave,
-            np.ascontiguousarray(samples),
-            self._filled,
-            self._corner,
-            self._octaves,
-        )
+        self._advance(np.ascontiguousarray(samples, np.float64), self._filled)
         self._filled += len(samples)
         self._next_sample += len(samples)
 
@@ -165,7 +160,7 @@ class Tracker:
         signal = self._octaves.signal[: self._filled].copy()
         rms = kernel.root_mean_square(signal)
         odps = kernel.new_columns(self._filled, self._settings.modes)
-        kernel.complete(*self._settings.orders, self._first_octave, first_sample, self._octaves, self._slots, odps)
+        self._complete(first_sample, odps)
         powers = self._slots.power
         total = max(rms * rms, powers.sum())
         frame = OdpFrame(
