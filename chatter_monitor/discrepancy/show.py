@@ -36,6 +36,7 @@ Vector = NDArray[np.float64]
 RUN_S = 10.0  # longest free-running simulation
 SEED = 1
 PIXELS = 400  # of the width of an axis, about
+TICKS = 5  # of an axis, at most, and one
 AMPLITUDE_CLASSES = 12
 RECORDED, BASE, AUGMENTED = "#4a6fa5", "#9a9a9a", "#b0303a"
 COLOURS = {"recording": RECORDED, "base": BASE, "augmented": AUGMENTED}
@@ -399,13 +400,18 @@ def figure_of(rows: int) -> tuple[Figure, NDArray[np.object_]]:
 def encoded(figure: Figure) -> str:
     """The picture as PNG in base64.
 
-    Titles and labels stand where they are put, and there are no small ticks: to look for their places and to draw these
-    would take longer than all the rest.
+    Titles and labels stand where they are put, and there are few ticks, none of them small: to look for their places
+    and to draw more would take longer than all the rest.
     """
+    from matplotlib.ticker import MaxNLocator
+
     for axes in figure.axes:
         axes.set_title(axes.get_title(), y=1.0)
         axes.minorticks_off()
         axes.xaxis.set_label_coords(0.5, -0.1)
+        for axis in (axes.xaxis, axes.yaxis):
+            if isinstance(locator := axis.get_major_locator(), MaxNLocator):
+                locator.set_params(nbins=TICKS)
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=80, format="png")
     return base64.b64encode(buffer.getvalue()).decode()
