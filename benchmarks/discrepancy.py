@@ -22,7 +22,7 @@ from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
 from chatter_monitor.discrepancy.innovations import known_forces
 from chatter_monitor.discrepancy.observer import Linear, observer, sized
 from chatter_monitor.discrepancy.show import concluded
-from chatter_monitor.kernels.signatures import AFTER, BEFORE, SMOOTH, SUBSTEPS, Motion, observe
+from chatter_monitor.kernels.observer import AFTER, BEFORE, SMOOTH, SUBSTEPS, Motion, observe
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Mode, Sensor, Spindle
 from chatter_monitor.physics.terms import CATALOGUE

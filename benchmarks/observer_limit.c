@@ -1,4 +1,4 @@
-/* The arithmetic of `kernels.signatures.observe` for one mode and a sensor of displacement or velocity, written plainly
+/* The arithmetic of `kernels.observer.observe` for one mode and a sensor of displacement or velocity, written plainly
  * in C: the yardstick for its speed. It has none of the guards (missing samples, unsettled start), knows one force at
  * most, the cubic spring, and has that inlined, where the kernel calls any term of the catalogue by its address.
  *   cc -O3 -march=native observer_limit.c -o observer_limit && ./observer_limit FILE

@@ -27,7 +27,7 @@ from chatter_monitor.discrepancy.innovations import tried_forces
 from chatter_monitor.discrepancy.whitening import ORDER, trusted, whitened, whitener
 from chatter_monitor.errors import InputError
 from chatter_monitor.kernels.forces_along import forces_along
-from chatter_monitor.kernels.signatures import AHEAD, Motion, Observer
+from chatter_monitor.kernels.observer import AHEAD, Motion, Observer
 from chatter_monitor.physics.terms import Term
 
 Vector = NDArray[np.float64]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import signal as dsp
 
 from chatter_monitor.discrepancy.innovations import Innovations
-from chatter_monitor.kernels.signatures import Motion
+from chatter_monitor.kernels.observer import Motion
 
 Matrix = NDArray[np.float64]
 

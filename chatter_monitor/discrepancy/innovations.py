@@ -15,8 +15,8 @@ from chatter_monitor.discrepancy.side_by_side import each
 from chatter_monitor.discrepancy.whitening import ORDER, trusted, whitened, whitener
 from chatter_monitor.kernels.forces import MOST_PARAMETERS
 from chatter_monitor.kernels.forces_along import Tried, forces_along
-from chatter_monitor.kernels.responses import LANES, response_of, signatures, unseen_of
-from chatter_monitor.kernels.signatures import SMOOTH, SUBSTEPS, Forces, Motion, observe
+from chatter_monitor.kernels.observer import SMOOTH, SUBSTEPS, Forces, Motion, observe
+from chatter_monitor.kernels.signatures import LANES, response_of, signatures, unseen_of
 from chatter_monitor.physics.parts import AppliedTerm
 from chatter_monitor.physics.terms import Term
 

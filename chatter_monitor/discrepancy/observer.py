@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from chatter_monitor.kernels.signatures import NODES, Observer
+from chatter_monitor.kernels.observer import NODES, Observer
 from chatter_monitor.physics.parts import Mode, Quantity, Spindle
 
 Matrix = NDArray[np.float64]

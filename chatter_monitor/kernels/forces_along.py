@@ -1,6 +1,6 @@
 """Forces of terms that an observer does not know, along the motion that it sees.
 
-As in `kernels.signatures` a force is averaged over where the tool may be, but the motion is there already: a few
+As in `kernels.observer` a force is averaged over where the tool may be, but the motion is there already: a few
 samples at a time, the states at which forces are evaluated are laid out in rows, the same for all terms, and each term
 goes along them inlined (`kernels.forces.compile_row`).
 """
@@ -11,8 +11,7 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.forces import call_lanes, call_row
-from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.signatures import (
+from chatter_monitor.kernels.observer import (
     AHEAD,
     BEFORE,
     MEDIANS,
@@ -24,6 +23,7 @@ from chatter_monitor.kernels.signatures import (
     about,
     on_step,
 )
+from chatter_monitor.kernels.options import OPTIONS
 
 _FEW = 64  # samples that go through a stage together
 
@@ -72,7 +72,7 @@ def forces_along(observer, motion, settled, tried, force):
     observer : Observer
     motion : Motion
     settled : ndarray of bool, shape (n,)
-        As for `kernels.signatures.observe`.
+        As for `kernels.observer.observe`.
     tried : Tried
         c terms.
     force : ndarray of float64, shape (c, 2, n)
@@ -151,7 +151,7 @@ def remember(observer, motion, settled, address, begin, end, at, few, lanes, mem
 
 @njit(**OPTIONS)
 def advance(address, begin, lanes, z, x0, v0, x1, v1, lagged, angle, omega, step_s):
-    """Bring memories to the end of a step, as `kernels.signatures.remembered` does one."""
+    """Bring memories to the end of a step, as `kernels.observer.remembered` does one."""
     n, h = z.size, step_s / SUBSTEPS
     probe, probed = lanes.probe[begin : begin + n], lanes.probed[begin : begin + n]
     rate, other = lanes.rate[begin : begin + n], lanes.other[begin : begin + n]

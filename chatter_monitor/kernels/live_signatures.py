@@ -1,4 +1,4 @@
-"""The observer of `kernels.signatures`, some samples at a time, with the forces of many terms along the way.
+"""The observer of `kernels.observer`, some samples at a time, with the forces of many terms along the way.
 
 What a recording as a whole allows is left out here: the state is taken for known (no cubature about it), and the
 memory of a term makes one step where it makes several there. A few samples at a time go through stages, each of which
@@ -11,9 +11,9 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.forces import call_force, call_row
+from chatter_monitor.kernels.observer import SMOOTH, Motion, about, delayed, on_step
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.responses import carry, respond, whiten
-from chatter_monitor.kernels.signatures import SMOOTH, Motion, about, delayed, on_step
+from chatter_monitor.kernels.signatures import carry, respond, whiten
 
 NODES = 4  # per step, at which forces that jump are evaluated
 FEW = 64  # samples that go through a stage together

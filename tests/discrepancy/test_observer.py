@@ -8,7 +8,7 @@ import pytest
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.observer import Linear
-from chatter_monitor.kernels.signatures import AFTER, AHEAD, BEFORE, NODES, SEEN, SUBSTEPS
+from chatter_monitor.kernels.observer import AFTER, AHEAD, BEFORE, NODES, SEEN, SUBSTEPS
 from chatter_monitor.physics.parts import Mode
 from tests.discrepancy.machine import OVERSAMPLING, Machine, states
 

@@ -6,7 +6,7 @@ import pytest
 from chatter_monitor.discrepancy.innovations import rate_of, substeps_of, tried_forces
 from chatter_monitor.discrepancy.observer import Linear, observer, sized
 from chatter_monitor.kernels.forces_along import forces_along
-from chatter_monitor.kernels.signatures import AHEAD, BEFORE, SEEN, Motion, at_sample, over_step, remembered
+from chatter_monitor.kernels.observer import AHEAD, BEFORE, SEEN, Motion, at_sample, over_step, remembered
 from chatter_monitor.physics.parts import Mode, Spindle
 from chatter_monitor.physics.terms import CATALOGUE
 

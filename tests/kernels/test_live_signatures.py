@@ -8,8 +8,8 @@ from chatter_monitor.discrepancy.innovations import Innovations, known_forces, t
 from chatter_monitor.discrepancy.live.stream import at_rest, no_answers, scratch
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.kernels import live_signatures as live
-from chatter_monitor.kernels.responses import LANES, response_of
-from chatter_monitor.kernels.signatures import observe
+from chatter_monitor.kernels.observer import observe
+from chatter_monitor.kernels.signatures import LANES, response_of
 from chatter_monitor.physics.parts import AppliedTerm, Mode, Spindle
 from chatter_monitor.physics.terms import CATALOGUE
 

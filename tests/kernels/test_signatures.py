@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from chatter_monitor.discrepancy.observer import Linear, observer
-from chatter_monitor.kernels.responses import LANES, response_of, signatures, unseen_of
+from chatter_monitor.kernels.signatures import LANES, response_of, signatures, unseen_of
 from chatter_monitor.physics.parts import Mode
 
 

@@ -13,8 +13,8 @@ from chatter_monitor.discrepancy.live.decimate import CHUNK
 from chatter_monitor.discrepancy.whitening import whitener
 from chatter_monitor.kernels import live_signatures as kernel
 from chatter_monitor.kernels.forces_along import Tried
-from chatter_monitor.kernels.responses import LANES, Response, response_of
-from chatter_monitor.kernels.signatures import Forces, Motion, Observer
+from chatter_monitor.kernels.observer import Forces, Motion, Observer
+from chatter_monitor.kernels.signatures import LANES, Response, response_of
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -1,0 +1,303 @@
+"""Prediction errors of a machine.
+
+An `Observer` predicts the next sample of a recording from those before it: the steady Kalman filter of the linear
+machine, which knows forces of the catalogue besides. Between two samples forces change linearly, and that linear part
+is discretised exactly.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels.forces import call_force
+from chatter_monitor.kernels.options import OPTIONS
+
+SUBSTEPS = 4  # of a force that jumps, and of a term's memory, between two samples
+SMOOTH = 2  # of a force that does not jump: Gauss points
+_GAUSS = 0.5 / np.sqrt(3.0)
+# Parts of a step at which forces are evaluated: those that jump, and those that do not.
+NODES = (*((i + 0.5) / SUBSTEPS for i in range(SUBSTEPS)), 0.5 - _GAUSS, 0.5 + _GAUSS)
+# Where `Observer.spread` holds the nodes before the sample at the end of the step is seen, and after; that sample, once
+# it is seen, and before.
+BEFORE, AFTER, SEEN, AHEAD = 0, len(NODES), 2 * len(NODES), 2 * len(NODES) + 1
+# What jumps is averaged over a normal variable at both signs of two values, and at two others at every second node:
+# medians of eight shares of it, the outer ones smaller, because a far crossing of zero counts as well.
+MEDIANS = ((0.266, 2.054), (0.824, 1.405))
+SHARES = ((0.42, 0.08), (0.34, 0.16))
+
+
+class Observer(NamedTuple):
+    """A steady Kalman filter with n states; forces are per unit mass, positive ones push back."""
+
+    transition: np.ndarray  # (n, n) Phi
+    begin: np.ndarray  # (n,) Gamma_0: answer to the force at the beginning of a step
+    end: np.ndarray  # (n,) Gamma_1: and at its end
+    gain: np.ndarray  # (n,) K
+    output: np.ndarray  # (n,) H
+    feed: float  # D: answer of the sensor to a force at the same instant
+    tool: np.ndarray  # (2, n) displacement and velocity of the tool
+    spread: np.ndarray  # (AHEAD + 1, 2, 2) square roots of the covariance of their errors
+    back: np.ndarray  # (2,) what a prediction error tells of them one sample before
+    step_s: float
+    omega: float  # angular frequency of the first mode
+    delay: float  # from one tooth to the next, in samples; 0 for none
+    turn: float  # spindle angle per sample, rad
+
+
+class Forces(NamedTuple):
+    """Forces that the observer knows: addresses, of the rates of their memory (0 for none), and parameters."""
+
+    forces: np.ndarray  # (t,)
+    rates: np.ndarray  # (t,)
+    substeps: np.ndarray  # (t,) SUBSTEPS or SMOOTH
+    columns: np.ndarray  # (t,) first parameter of each
+    parameters: np.ndarray  # (p,)
+
+
+class Motion(NamedTuple):
+    """Motion of the tool as the observer sees it, with sample k known (row 0) and as predicted for k + 1 (row 1)."""
+
+    x: np.ndarray  # (2, n)
+    v: np.ndarray  # (2, n)
+    lagged: np.ndarray  # (2, n)
+
+
+@njit(**OPTIONS)
+def delayed(x, now, delay):
+    """Displacement `delay` samples before index `now`, between samples by linear interpolation; 0 before the start."""
+    back = int(np.floor(delay))
+    share = delay - back
+    i = now - back
+    if i < 1 or delay < 1.0:
+        return 0.0
+    return (1.0 - share) * x[i] + share * x[i - 1]
+
+
+@njit(**OPTIONS)
+def averaged(address, jumps, x, v, lagged, angle, omega, z, parameters, spread, turn_of):
+    """Force averaged over what is not known of the tool's state.
+
+    A force that jumps does so where the velocity, the first column of the spread, is 0. Anywhere else each column in
+    turn gives two cubature points.
+    """
+    if jumps and abs(v) < MEDIANS[0][1] * abs(spread[1, 0]):
+        force = 0.0
+        for i in range(2):
+            dx, dv = MEDIANS[turn_of][i] * spread[0, 0], MEDIANS[turn_of][i] * spread[1, 0]
+            both = call_force(address, x + dx, v + dv, lagged, angle, omega, z, parameters)
+            both += call_force(address, x - dx, v - dv, lagged, angle, omega, z, parameters)
+            force += SHARES[turn_of][i] * both
+        return force
+    far = 1.0 if jumps else 1.4142135623730951
+    column = 0 if jumps else turn_of
+    dx, dv = far * spread[0, column], far * spread[1, column]
+    force = call_force(address, x + dx, v + dv, lagged, angle, omega, z, parameters)
+    return 0.5 * (force + call_force(address, x - dx, v - dv, lagged, angle, omega, z, parameters))
+
+
+@njit(**OPTIONS)
+def on_step(s, x0, v0, x1, v1, step_s):
+    """Displacement and velocity on a step over which the tool moves along a cubic, s from 0 to 1."""
+    r = 1.0 - s
+    x = r * r * (1.0 + 2.0 * s) * x0 + s * s * (1.0 + 2.0 * r) * x1 + step_s * s * r * (r * v0 - s * v1)
+    v = 6.0 * s * r * (1.0 / step_s) * (x1 - x0) + r * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
+    return x, v
+
+
+@njit(**OPTIONS)
+def about(s, x, v, omega, step_s):
+    """Displacement and velocity from half a step before a sample to half a step after, s from 0 to 1."""
+    t = (s - 0.5) * step_s
+    return x + t * v, v - t * omega * omega * x
+
+
+@njit(**OPTIONS)
+def over_step(
+    address, substeps, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0, z1, parameters, spread, when,
+    step_s,
+):  # fmt: skip
+    """Force over one step as a straight line, its values at both ends, for a sensor of what the force has moved.
+
+    Between the samples the tool moves along a cubic; the line has the mean and the first moment of the force on
+    it, so that a jump within the step (friction, contact) counts when it happens. What is not known of the tool's state
+    there, BEFORE or AFTER its end is seen, is averaged over.
+    """
+    mean = 0.0
+    slope = 0.0
+    square = 0.0
+    smooth = substeps == SMOOTH
+    for i in range(substeps):
+        node = SUBSTEPS + i if smooth else i
+        s = NODES[node]
+        x, v = on_step(s, x0, v0, x1, v1, step_s)
+        lagged = (1.0 - s) * lagged0 + s * lagged1
+        z = (1.0 - s) * z0 + s * z1
+        turned = angle + s * turn
+        force = averaged(address, not smooth, x, v, lagged, turned, omega, z, parameters, spread[when + node], i % 2)
+        mean += force
+        slope += force * (s - 0.5)
+        square += (s - 0.5) ** 2
+    mean *= 1.0 / substeps
+    slope *= 1.0 / square
+    return mean - 0.5 * slope, mean + 0.5 * slope
+
+
+@njit(**OPTIONS)
+def at_sample(address, substeps, x0, v0, lagged, angle, turn, omega, z, parameters, spread, step_s):
+    """Force at a sample, for a sensor that feels the force itself.
+
+    Its low-pass and the filter's own idea of the force, one number per sample, leave of a jump the mean from half a
+    step before to half a step after; a smooth force is taken as it is.
+    """
+    if substeps == SMOOTH:
+        force = averaged(address, False, x0, v0, lagged, angle, omega, z, parameters, spread, 0)
+        return 0.5 * (force + averaged(address, False, x0, v0, lagged, angle, omega, z, parameters, spread, 1))
+    mean = 0.0
+    for i in range(substeps):
+        s = NODES[i]
+        x, v = about(s, x0, v0, omega, step_s)
+        turned = angle + turn * (s - 0.5)
+        mean += averaged(address, True, x, v, lagged, turned, omega, z, parameters, spread, i % 2)
+    return mean / substeps
+
+
+@njit(**OPTIONS)
+def remembered(rate_address, x0, v0, x1, v1, lagged, angle, omega, z, parameters, step_s):
+    """Memory of a term at the end of a step over which the tool moves from (x0, v0) to (x1, v1).
+
+    Linearly implicit midpoint steps, which a joint that yields within a fraction of the step cannot upset.
+    """
+    h = step_s / SUBSTEPS
+    for i in range(SUBSTEPS):
+        share = (i + 0.5) / SUBSTEPS
+        x, v = x0 + share * (x1 - x0), v0 + share * (v1 - v0)
+        probe = 1e-6 * (abs(z) + abs(v) * h) + 1e-300
+        rate = call_force(rate_address, x, v, lagged, angle, omega, z, parameters)
+        slope = (call_force(rate_address, x, v, lagged, angle, omega, z + probe, parameters) - rate) / probe
+        z += h * rate / (1.0 - 0.5 * h * min(slope, 0.0))
+    return z
+
+
+@njit(**OPTIONS)
+def known_over_step(observer, known, x0, v0, x1, v1, lagged0, lagged1, angle, memory, when, reached):
+    """Known forces over a step at its two ends, for a sensor that feels the force at its end alone.
+
+    `reached` is filled with their memory at the end.
+    """
+    omega, turn, step, spread = observer.omega, observer.turn, observer.step_s, observer.spread
+    begins = ends = 0.0
+    for j in range(known.forces.size):
+        address, substeps = known.forces[j], known.substeps[j]
+        p = known.parameters.ctypes.data + 8 * known.columns[j]
+        z = memory[j]
+        if known.rates[j] != 0:
+            z = remembered(known.rates[j], x0, v0, x1, v1, lagged1, angle, omega, z, p, step)
+        reached[j] = z
+        if observer.feed != 0.0:
+            there = spread[SEEN if when == AFTER else AHEAD]
+            ends += at_sample(address, substeps, x1, v1, lagged1, angle + turn, turn, omega, z, p, there, step)
+        else:
+            begin, end = over_step(
+                address, substeps, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, memory[j], z, p, spread, when,
+                step,
+            )  # fmt: skip
+            begins += begin
+            ends += end
+    return begins, ends
+
+
+@njit(cache=True, nogil=True)
+def observe(observer, known, y, missing, settled, errors, motion):
+    """Predict every sample from those before it.
+
+    Parameters
+    ----------
+    observer : Observer
+    known : Forces
+        Forces of the model.
+    y : ndarray of float64, shape (n,)
+        The recording.
+    missing : ndarray of bool, shape (n,)
+        Samples that are not to be used; their errors are 0.
+    settled : ndarray of bool, shape (n,)
+        Samples at which the filter has forgotten where it began; what it takes for the motion before is no reason for a
+        force (a start at rest lets a filter of accelerations swing far out, and a hard spring would throw it farther).
+    errors : ndarray of float64, shape (n,)
+        Filled with the prediction errors (innovations).
+    motion : Motion
+        Filled.
+    """
+    order = observer.gain.size
+    state = np.zeros(order)
+    ahead = np.zeros(order)
+    count = known.forces.size
+    memory, reached = np.zeros(count), np.zeros(count)
+    early = late = 0.0  # known forces predicted for the two ends of the step to this sample
+    feels = observer.feed != 0.0
+    x = v = lagged = 0.0
+    for k in range(y.size):
+        predicted = observer.feed * late
+        for i in range(order):
+            predicted += observer.output[i] * state[i]
+        e = 0.0 if missing[k] else y[k] - predicted
+        errors[k] = e
+        angle = observer.turn * k
+        # Once the sample is seen the forces on the way to it are known better than they were predicted.
+        x_before, v_before, lagged_before = x + observer.back[0] * e, v + observer.back[1] * e, lagged
+        lagged = delayed(motion.x[0], k, observer.delay)
+        x = v = 0.0
+        for i in range(order):
+            x += observer.tool[0, i] * (state[i] + observer.gain[i] * e)
+            v += observer.tool[1, i] * (state[i] + observer.gain[i] * e)
+        if count and k > 0 and settled[k] and settled[k - 1]:
+            begins, ends = known_over_step(
+                observer, known, x_before, v_before, x, v, lagged_before, lagged, angle - observer.turn, memory, AFTER,
+                reached,
+            )  # fmt: skip
+            for j in range(count):
+                memory[j] = reached[j]
+            if not missing[k]:
+                e -= observer.feed * (ends - late)
+                for i in range(order):
+                    news = observer.end[i] * (ends - late)
+                    if not feels:
+                        news += observer.begin[i] * (begins - early)
+                    state[i] += news
+                    e -= observer.output[i] * news
+            late = ends
+        x = v = 0.0
+        for i in range(order):
+            state[i] += observer.gain[i] * e
+            x += observer.tool[0, i] * state[i]
+            v += observer.tool[1, i] * state[i]
+        motion.x[0, k] = x
+        motion.v[0, k] = v
+        motion.lagged[0, k] = lagged
+        for i in range(order):
+            total = 0.0
+            for j in range(order):
+                total += observer.transition[i, j] * state[j]
+            ahead[i] = total
+        # The force on the way to the next sample, from where the tool would go with the force as it was.
+        lagged_next = delayed(motion.x[0], k + 1, observer.delay)
+        if not settled[k]:
+            late = 0.0
+        early = late
+        xp = vp = 0.0
+        for attempt in range(3 if count and settled[k] else 1):
+            if attempt > 0:
+                begins, late = known_over_step(
+                    observer, known, x, v, xp, vp, lagged, lagged_next, angle, memory, BEFORE, reached
+                )
+                early = early if feels else begins
+            xp = vp = 0.0
+            for i in range(order):
+                reaching = ahead[i] + observer.begin[i] * early + observer.end[i] * late
+                xp += observer.tool[0, i] * reaching
+                vp += observer.tool[1, i] * reaching
+        for i in range(order):
+            state[i] = ahead[i] + observer.begin[i] * early + observer.end[i] * late
+        motion.x[1, k] = xp
+        motion.v[1, k] = vp
+        motion.lagged[1, k] = lagged_next
