@@ -78,3 +78,14 @@ def high_pass(samples, corner, state, out):
         state[1] = gain * (sample - state[0]) + pole * state[1]
         state[0] = sample
         out[t] = state[1]
+
+
+@njit(**OPTIONS)
+def copy_present(samples, largest, out):
+    """Copy samples, zeros for those not finite or beyond ``largest``; returns how many come after the last of these."""
+    after = 0
+    for t in range(samples.shape[0]):
+        present = abs(samples[t]) < largest
+        out[t] = samples[t] if present else 0.0
+        after = after + 1 if present else 0
+    return after

@@ -6,14 +6,60 @@ from numba import njit
 
 from chatter_monitor.kernels.options import OPTIONS
 
+# Of so many values or more, a sorted sample tells between which two the median is, and the others are not moved about.
+MANY = 128
+SAMPLE = 15
+LOW, HIGH = 5, 9
+
 
 @njit(**OPTIONS)
 def median(values):
-    """Median (upper one of two) of values without NaN, which are put into another order (Hoare's selection)."""
-    middle = values.shape[0] // 2
+    """Median (upper one of two) of values without NaN, which are put into another order: the lower half comes first."""
+    return _select(values, values.shape[0] // 2)
+
+
+@njit(**OPTIONS)
+def median_of_many(values):
+    """`median`, faster; of the values only some are left."""
+    n = values.shape[0]
+    middle = n // 2
+    if n >= MANY:
+        _sort_sample(values)
+        low, high = values[LOW], values[HIGH]
+        below, above = 0, 0
+        for t in range(n):
+            below += values[t] < low
+            above += values[t] > high
+        if below <= middle < n - above:
+            kept = 0
+            for t in range(n):  # without a branch, which nobody could predict
+                value = values[t]
+                values[kept] = value
+                kept += (value >= low) & (value <= high)
+            return _select(values[:kept], middle - below)
+    return _select(values, middle)
+
+
+@njit(**OPTIONS)
+def _sort_sample(values):
+    """Bring a sample from all over the values to their beginning, sorted."""
+    step = values.shape[0] // SAMPLE
+    for i in range(SAMPLE):
+        place = i * step + step // 2
+        new = values[place]
+        values[place] = values[i]
+        while i > 0 and values[i - 1] > new:
+            values[i] = values[i - 1]
+            i -= 1
+        values[i] = new
+
+
+@njit(**OPTIONS)
+def _select(values, rank):
+    """Value of a rank, counted from 0 (Hoare's selection): nothing above it comes before it, nothing below behind."""
     left, right = 0, values.shape[0] - 1
     while left < right:
-        pivot = values[middle]
+        pivot = values[rank]
         i, j = left, right
         while i <= j:
             while values[i] < pivot:
@@ -25,11 +71,11 @@ def median(values):
                 i += 1
                 j -= 1
         # up to j there is nothing above the pivot, from i on nothing below it
-        if j < middle:
+        if j < rank:
             left = i
-        if middle < i:
+        if rank < i:
             right = j
-    return values[middle]
+    return values[rank]
 
 
 @njit(**OPTIONS)
@@ -64,4 +110,4 @@ def medians_where(columns, status, hold, wanted, values, medians, counts):
                 if status[t, m] == wanted and not math.isnan(columns[i][t, m]):
                     values[found] = columns[i][t, m]
                     found += 1
-            medians[m, i] = median(values[:found]) if 2 * counts[m, wanted] > rows and found > 0 else math.nan
+            medians[m, i] = median_of_many(values[:found]) if 2 * counts[m, wanted] > rows and found > 0 else math.nan

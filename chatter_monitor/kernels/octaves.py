@@ -14,7 +14,7 @@ from numba import njit
 
 from chatter_monitor.kernels import conditioning, odp, poles, rarma
 from chatter_monitor.kernels.binding import bound
-from chatter_monitor.kernels.median import median
+from chatter_monitor.kernels.median import median_of_many
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.share import modal_shares
 from chatter_monitor.kernels.slots import Slots, assign
@@ -265,7 +265,7 @@ def survey(p, q, first, begin, state, frequencies, powers):
                 if state.columns.status[k, m, row] != STARTING and not math.isnan(frequency):
                     state.values[known] = frequency
                     known += 1
-            frequencies[k, m] = median(state.values[:known]) if 2 * known > rows else math.nan
+            frequencies[k, m] = median_of_many(state.values[:known]) if 2 * known > rows else math.nan
 
 
 @njit(**OPTIONS)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from chatter_monitor.kernels import peaks as kernel
+from chatter_monitor.kernels.conditioning import copy_present
 from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
 
 Array = NDArray[np.float64]
@@ -51,8 +52,10 @@ class AveragedPeriodogram:
         self._area = float(squared.sum())
         # how much two windows so many hops apart have in common
         self._overlap = np.array([squared[d:] @ squared[: segment - d] for d in range(0, segment, hop)])
-        self._recent = np.zeros(segment)
-        self._complete: Array | None = None  # a window that waits for its transform
+        self._recent = np.zeros(2 * segment)  # the last samples, at its end after the hop in which they reach it
+        self._end = segment  # of the last whole hop in it
+        self._windowed = np.zeros(segment)
+        self._complete = False  # whether a window waits there for its transform
         self._filled = 0
         self._since_missing = 0
         self.restart()
@@ -68,7 +71,7 @@ class AveragedPeriodogram:
     def interrupt(self) -> None:
         """Forget the samples, too: no window may reach back beyond this moment."""
         self.restart()
-        self._complete = None
+        self._complete = False
         self._since_missing = 0
 
     def skip(self, samples: int) -> None:
@@ -85,23 +88,23 @@ class AveragedPeriodogram:
         """
         if len(samples) > self.missing_to_hop:
             raise ValueError(len(samples))
-        begin = self._segment - self._hop + self._filled
-        recent = self._recent[begin : begin + len(samples)]
-        recent[:] = samples
+        if self._end + self._hop > len(self._recent):
+            self._recent[: self._segment] = self._recent[self._end - self._segment : self._end]
+            self._end = self._segment
+        begin = self._end + self._filled
+        present = copy_present(samples, LARGEST_SAMPLE, self._recent[begin : begin + len(samples)])
         self._filled += len(samples)
-        missing = ~(np.abs(samples) < LARGEST_SAMPLE)  # NaN, or too large to be squared
-        if missing.any():
-            recent[missing] = 0.0
-            self._since_missing = -int(np.flatnonzero(missing)[-1]) - 1
-        self._since_missing += len(samples)
+        self._since_missing = present + (self._since_missing if present == len(samples) else 0)
         if self._filled < self._hop:
             return False
         self._age()
-        heard = self._since_missing >= self._segment and self._recent.any()
-        self._complete = self._window * self._recent if heard else None
-        self._recent[: -self._hop] = self._recent[self._hop :]
+        self._end += self._hop
         self._filled = 0
-        return self._complete is not None
+        window = self._recent[self._end - self._segment : self._end]
+        self._complete = self._since_missing >= self._segment and bool(window.any())
+        if self._complete:
+            np.multiply(self._window, window, out=self._windowed)
+        return self._complete
 
     @property
     def missing_to_hop(self) -> int:
@@ -123,11 +126,11 @@ class AveragedPeriodogram:
 
     def add(self) -> bool:
         """Add the window that the last hop completed to the average; tell whether there was one with anything in it."""
-        if self._complete is None:
+        if not self._complete:
             return False
-        amplitude = fft.rfft(self._complete)
+        amplitude = fft.rfft(self._windowed)
         power = amplitude.real**2 + amplitude.imag**2
-        self._complete = None
+        self._complete = False
         power[: self._lowest_bin] = 0.0
         level = float(power.sum())
         if not 0.0 < level < math.inf:

@@ -85,8 +85,7 @@ class Band:
         self.mode_hz = mode_hz
         self.bin_hz = bin_hz
         self.first_hz = first * bin_hz
-        at = np.arange(first - 1, last + 2)
-        self._log_frequency = np.log(np.stack([at, at - 0.5]) * bin_hz / mode_hz)
+        self._log_frequency = np.log((np.arange(first - 1, last + 2) - [[0.0], [0.5]]) * bin_hz / mode_hz)
         self._work, self._spectrum = np.zeros(WORK), np.zeros(last - first)
 
     def coarse(self, bins: int) -> Band:
@@ -104,7 +103,8 @@ class Band:
     @property
     def floor(self) -> float:
         """Where the sensor's noise may be, to an order of magnitude."""
-        return float(np.maximum(np.quantile(self.periodogram, 0.05), 1e-9 * self.periodogram.max()))
+        rank = len(self.periodogram) // 20
+        return float(np.maximum(np.partition(self.periodogram, rank)[rank], 1e-9 * self.periodogram.max()))
 
     def likelihood(self, prior: Prior | None = None) -> Likelihood:
         """What the kernels fit parameters to."""
