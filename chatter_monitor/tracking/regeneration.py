@@ -103,8 +103,10 @@ class Band:
     @property
     def floor(self) -> float:
         """Where the sensor's noise may be, to an order of magnitude."""
-        rank = len(self.periodogram) // 20
-        return float(np.maximum(np.partition(self.periodogram, rank)[rank], 1e-9 * self.periodogram.max()))
+        rank = 0.05 * (len(self.periodogram) - 1)
+        below, above = np.partition(self.periodogram, (int(rank), int(rank) + 1))[int(rank) :][:2]
+        quantile = below + (above - below) * (rank % 1.0)  # np.quantile takes thirty times as long
+        return float(np.maximum(quantile, 1e-9 * self.periodogram.max()))
 
     def likelihood(self, prior: Prior | None = None) -> Likelihood:
         """What the kernels fit parameters to."""
