@@ -52,7 +52,7 @@ def answered(case: tuple[int, int]) -> tuple[Judged, str]:
         recording, model = Path(folder) / "recording.wav", Path(folder) / "model.toml"
         soundfile.write(recording, made.samples, RATE_HZ, subtype="FLOAT")
         model.write_text(made.model, encoding="utf-8")
-        report, _ = diagnose_file(recording, model, Path(folder))
+        report, _ = diagnose_file(recording, model, Path(folder) / "diagnosis")
         gain = true_gain(recording, model, made.truth)
     return judge(f"{seed}.{number}", made.truth, report, gain), report.summary
 

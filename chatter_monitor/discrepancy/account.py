@@ -19,6 +19,9 @@ def alternatives(case: Case, findings: Sequence[Finding]) -> list[Alternative]:
     """Other explanations, best first."""
     taken = {finding.name for finding in findings}
     entries = [Alternative(s.candidate.name, float(s.evidence_nats)) for s in case.ranking]
+    if case.local is not None:
+        there = {each.name for each in case.local.as_likely}
+        entries = [*case.local.as_likely, *(each for each in entries if each.name not in there)]
     entries += [Alternative(name, float(gain)) for name, gain in case.base.alternatives]
     entries.append(Alternative("force_surface", float(case.ceiling.held_out_nats)))
     return sorted((e for e in entries if e.name not in taken), key=lambda each: -each.evidence_nats)[:8]
@@ -46,12 +49,14 @@ def information(case: Case) -> list[Information]:
 def held_out_fit(case: Case) -> Fit:
     """How well base and named terms predict the held-out blocks."""
     evidence, held = case.evidence, ~case.training
-    columns = [c for scored in case.named for c in scored.columns]
-    base, full = evidence.regress([], case.training), evidence.regress(columns, case.training)
-    gain = evidence.gain_on(full, columns, base, held)
+    local = case.columns.get("local", [])
+    columns = [*local, *(c for scored in case.named for c in scored.columns)]
+    with case.contest.instead([column for column in evidence.nuisance if column not in local]):
+        base, full = evidence.regress([], case.training), evidence.regress(columns, case.training)
+        gain = evidence.gain_on(full, columns, base, held)
+        rest = evidence.rest(base, [], held)
     samples = float(evidence.samples[held].sum())
     scale = float(np.mean(np.log(1.0 / case.weight[case.weight > 0.0])))
-    rest = evidence.rest(base, [], held)
     before = scale + 0.5 * math.log(2.0 * math.pi) + rest / samples
     white = case.innovations.white
     explained = case.explained()

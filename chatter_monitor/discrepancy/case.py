@@ -16,7 +16,7 @@ from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.linear import Base
 from chatter_monitor.discrepancy.locate import Modulation
 from chatter_monitor.discrepancy.name import Contest, Scored
-from chatter_monitor.discrepancy.report import Statistic
+from chatter_monitor.discrepancy.report import Alternative, Statistic
 from chatter_monitor.physics.model import MachiningSystem
 
 Vector = NDArray[np.float64]
@@ -33,11 +33,15 @@ class Local:
     Attributes
     ----------
     candidate : Candidate
-        With one coefficient.
-    signature : ndarray of float64, shape (n,)
-        Whitened signature of its unit, confined to where it acts.
-    gain_nats, held_out_nats : float
-        Gain on the training blocks less the price, and on the held-out blocks.
+        That explains it best.
+    units : tuple of int
+        Which of its parameters are the coefficients; none where a spring and a damper that change explain it best.
+    signatures : list of ndarray of float64, shape (n,)
+        Of the units, or of that spring and damper: whitened, and confined to where it acts.
+    as_likely : list of Alternative
+        Names that explain it about equally, the best first; a name alone is told from the others.
+    held_out_nats : float
+        Gain on the held-out blocks with the coefficients of the training blocks.
     p_value : float
         Of the held-out blocks.
     between_s : (float, float), optional
@@ -47,12 +51,20 @@ class Local:
     """
 
     candidate: Candidate
-    signature: Vector
-    gain_nats: float
+    units: tuple[int, ...]
+    signatures: list[Vector]
+    as_likely: list[Alternative]
     held_out_nats: float
     p_value: float
     between_s: tuple[float, float] | None = None
     above: float | None = None
+
+    @property
+    def where(self) -> str:
+        """In words."""
+        if self.between_s is not None:
+            return f"from {self.between_s[0]:.1f} to {self.between_s[1]:.1f} s"
+        return f"above an amplitude of {self.above:.3g}"
 
 
 @dataclass(eq=False)

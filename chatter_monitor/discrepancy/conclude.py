@@ -40,6 +40,7 @@ REST_NATS = 6.0
 RIVALS = 3  # fitted fully
 RIVAL_NATS, RIVAL_SHARE = 6.0, 0.05  # how near to the leader's evidence, for that
 _FEIGNED = ("second_mode", "coloured_excitation")  # by the noise of another machine
+_TIED = "a force that acts"  # so begins what several names explain about equally
 _STATIC = ("phase_plane", "displacement", "velocity", "amplitude")  # maps of what has no memory
 
 
@@ -138,8 +139,11 @@ def conclude(case: Case) -> Diagnosis:
         for o in omissions
         if not is_harmonic(case, o) and not (o.name == "regenerative_delay" and leaves_cut)
     ]
-    if case.local is not None:
+    if case.local is not None and len(case.local.as_likely) == 1:
         findings.append(of_local(case, case.local))
+    elif case.local is not None:
+        names = " and ".join(IN_WORDS[each.name] for each in case.local.as_likely)
+        strange.append(f"{_TIED} {case.local.where} only: {names} explain it about equally")
     maps = {each.name: each for each in case.rest_maps}
     if case.drift is not None and not any(f.name in ("nonstationary_excitation", "impacts") for f in findings):
         findings.append(plain("parameter_drift", None, {}, 0.5 * case.drift.value, case.drift.p_value))
@@ -240,7 +244,7 @@ def _unexplained(case: Case, maps: dict[str, Statistic], something: bool) -> lis
         return strange  # the tests of the maps suppose errors without heavy tails
     named = sum(max(scored.evidence_nats, 0.0) for scored in case.named)
     if case.local is not None:
-        named += case.local.gain_nats + case.local.held_out_nats
+        named += case.local.as_likely[0].evidence_nats
     static = [maps[name] for name in _STATIC if name in maps]
     left = [_excess_nats(each) for each in static if each.p_value < MAPPED_P]
     if left and (max(left) > max(REST_NATS, REST_SHARE * named) if named else not something):
@@ -286,6 +290,8 @@ def _summary(case: Case, verdict: Verdict, findings: Sequence[Finding], strange:
             return f"The simulation explains the recording once its parameters are corrected. {tuned}"
         case "unknown":
             shown = "; and ".join(strange)
+            if all(each.startswith(_TIED) for each in strange):
+                return f"The recording shows {shown}. It cannot tell which, so none is named. {tuned}"
             return f"The recording shows {shown}. No term of the catalogue explains it, so none is named. {tuned}"
     spoken = "; ".join(IN_WORDS[f.name] + (f" ({f.sense})" if f.sense else "") for f in findings)
     return f"The simulation lacks {spoken}. {tuned}"

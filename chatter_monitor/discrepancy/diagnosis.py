@@ -160,15 +160,16 @@ def _decide(case: Case) -> None:
     with case.contest.beside([column for scored in case.named for column in scored.columns]):
         changing = subspace_map("time", evidence, case.columns["time"])
         swelling = subspace_map("amplitude", evidence, case.columns["amplitude"])
-    if changing.p_value < SURE or not case.named:
-        case.local = find_local(case)
+    case.local = find_local(case)
     if case.local is None and swelling.p_value < WORTH_A_LOOK:
         case.local = find_above(case)
     if case.local is not None:
-        there = case.local.signature
-        column = evidence.join(there, case.innovations.white, case.matrix, case.weight)
-        evidence.nuisance.append(column)  # the last, for `findings.of_local`
-        case.matrix = np.vstack([case.matrix, there])
+        for there in case.local.signatures:
+            case.columns.setdefault("local", []).append(
+                evidence.join(there, case.innovations.white, case.matrix, case.weight)
+            )
+            case.matrix = np.vstack([case.matrix, there])
+        evidence.nuisance += case.columns["local"]
     elif changing.p_value < SURE:
         case.drift = changing
         evidence.nuisance += case.columns["time"]

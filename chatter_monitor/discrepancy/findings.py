@@ -132,16 +132,17 @@ def of_term(scored: Scored, parameters: dict[str, tuple[float, float]]) -> Findi
 
 def of_local(case: Case, local: Local) -> Finding:
     """A term that acts in a part of the recording, or above an amplitude."""
-    *nuisance, confined = case.evidence.nuisance
-    with case.contest.instead(nuisance) as evidence:
-        fit = evidence.regress([confined])
-    name = local.candidate.term.parameters[local.candidate.linear[0]]
-    parameters = {name.name: estimate(fit.coefficients[0], fit.sd[0], name.unit)}
+    columns = case.columns["local"]
+    with case.contest.instead([column for column in case.evidence.nuisance if column not in columns]) as evidence:
+        fit = evidence.regress(columns)
+    term = local.candidate.term
+    parameters = {
+        term.parameters[i].name: estimate(value, sd, term.parameters[i].unit)
+        for i, value, sd in zip(local.units, fit.coefficients, fit.sd, strict=False)
+    }
+    name = local.as_likely[0].name
     sense = None
-    if local.candidate.name in SENSES:
-        sense = SENSES[local.candidate.name][0 if fit.coefficients[0] > 0.0 else 1]
-    where = f"above an amplitude of {local.above:.3g}" if local.above is not None else ""
-    if local.between_s is not None:
-        where = f"from {local.between_s[0]:.1f} to {local.between_s[1]:.1f} s"
-    why = f"{IN_WORDS[local.candidate.name].capitalize()}, {where} only."
-    return Finding(local.candidate.name, sense, parameters, fit.gain, local.p_value, why)
+    if name in SENSES:
+        sense = SENSES[name][0 if fit.coefficients[0] > 0.0 else 1]
+    why = f"{IN_WORDS[name].capitalize()}, {local.where} only."
+    return Finding(name, sense, parameters, local.as_likely[0].evidence_nats, local.p_value, why)

@@ -1,28 +1,37 @@
-"""An effect that acts in a part of the recording only, or only above an amplitude."""
+"""An effect that acts in a part of the recording only, or only above an amplitude.
+
+First where: the training blocks say in which stretch, or above which amplitude, any candidate gains most; a spring and
+a damper that change there are candidates, too. Then what: all candidates, confined to that part, against each other, as
+those that act all along are (`name.Contest`). Several that explain it about equally are not told apart.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import product
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain, combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.candidates import Candidate
-from chatter_monitor.discrepancy.case import SURE, Case, Local
+from chatter_monitor.discrepancy.case import Case, Local
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.innovations import Innovations
-from chatter_monitor.discrepancy.name import PRICE_NATS
+from chatter_monitor.discrepancy.name import HELD_OUT_P, LEAST_HELD_OUT_NATS, PRICE_NATS, Contest
+from chatter_monitor.discrepancy.report import Alternative
 
 Vector = NDArray[np.float64]
+Entry = tuple[Candidate, list[int]]
 
 LESS_NATS = 10.0  # by which an effect in a part of the recording has to beat everything that acts all along
+APART_NATS = 3.0  # by which one name has to beat the next: odds of 20 to 1
 ENDS_S = 0.05  # to which the ends of a stretch are told
 LEAST_BLOCKS = 2  # of the training blocks
 ABOVE = np.geomspace(0.8, 2.4, 7)  # amplitudes tried, over the rms displacement; then as many about the best
 _FINER = np.linspace(-1.0, 1.0, 9)[1:-1]  # steps of those
+_SEEN = 1e-6  # share of a column's products with itself that has to lie in a stretch
+RETUNED = "parameter_drift"  # of a spring and a damper that change there
 
 
 def acting(
@@ -39,116 +48,174 @@ def acting(
 
 
 def find_local(case: Case) -> Local | None:
-    """An effect in a part of the recording: found on the training blocks, confirmed by the held-out ones in it.
-
-    It has to beat everything that acts all along.
-    """
-    evidence = case.evidence
-    half = evidence.only(case.training)
-    best: tuple[float, Candidate, int, slice] | None = None
-    for candidate, columns in case.contest.entries:
-        if len(columns) != 1:
-            continue
-        first, last, gain = stretch(half, columns[0])
-        gain -= PRICE_NATS * (3 + candidate.shapes)
-        if best is not None and gain <= best[0]:
-            continue
-        if _regressed(evidence, columns, slice(2 * first, 2 * last), case.training)[0] >= candidate.lower[0]:
-            best = gain, candidate, columns[0], slice(2 * first, 2 * last)
-    if best is None or best[0] < _all_along(case) + LESS_NATS:
-        return None
-    gain, candidate, column, where = best
-    coefficient, _, _ = _regressed(evidence, [column], where, case.training)
-    check, sd, held = _regressed(evidence, [column], where, ~case.training)
-    p = float(stats.norm.sf(check / sd * np.sign(coefficient)))
-    if p > SURE:
+    """An effect in a stretch of the recording; None if nothing there beats what acts all along."""
+    half = case.evidence.only(case.training)
+    entries = [(candidate.shapes, columns, candidate.lower) for candidate, columns in case.contest.entries]
+    entries.append((0, case.columns["retuning"][:2], (-np.inf, -np.inf)))
+    best = 0.0
+    where: tuple[list[int], slice] | None = None
+    for shapes, columns, lower in entries:
+        for chosen, floor in _subsets(columns, lower):
+            first, last, gain = stretch(half, chosen, floor)
+            gain -= PRICE_NATS * (2 + len(chosen) + shapes)
+            if gain > best:
+                best, where = gain, (chosen, slice(2 * first, 2 * last))
+    if where is None:
         return None
     # All samples together tell the ends better.
-    begin, end = _ends(case, column, where)
-    inside = np.zeros(case.recorded.samples.size)
-    rate_hz = case.recorded.rate_hz
-    inside[round(begin * rate_hz) : round(end * rate_hz)] = 1.0
-    return Local(candidate, case.matrix[column] * inside, gain, held, p, between_s=(begin, end))
+    between_s = _ends(case, *where)
+    inside = acting(case.innovations, between_s)[0]
+    confined = {c: case.matrix[[c]] * inside for c in chain.from_iterable(columns for _, columns, _ in entries)}
+    return _told(case, case.contest.entries, confined, case.columns["retuning"][:2], 2, between_s=between_s)
 
 
 def find_above(case: Case) -> Local | None:
-    """An effect above an amplitude only, found and confirmed in the same way.
+    """An effect above an amplitude only.
 
     The best shape of each name is tried at several amplitudes, the best of all then at some more around it.
     """
-    entries = case.contest.best([], case.training).values()
-    tried = [candidate for _, candidate, columns, _ in entries if len(columns) == 1]
+    leaders = case.contest.best([], case.training).values()
+    tried = [(candidate, columns) for _, candidate, columns, _ in leaders]
     sd_x, _ = scales(case.innovations.motion)
-    best = _best_above(case, tried, [float(a * sd_x) for a in ABOVE])
+    best = _best_above(case, tried, sd_x * ABOVE)
     if best is None:
         return None
     ratio = float(ABOVE[1] / ABOVE[0])
-    best = (
-        _best_above(case, [best.candidate], [(best.above or 0.0) * ratio ** float(finer) for finer in _FINER]) or best
-    )
-    if best.p_value > SURE or best.gain_nats < _all_along(case) + LESS_NATS:
-        return None
-    return best
+    entry, above = best
+    _, above = _best_above(case, [entry], above * ratio**_FINER) or best
+    return _told(case, tried, _confined(case, tried, [above]), [], 1, above=above)
 
 
-def _best_above(case: Case, tried: Sequence[Candidate], amplitudes: Sequence[float]) -> Local | None:
-    """Of candidates at each of the amplitudes, the one that gains most on the training blocks."""
+def _confined(case: Case, tried: Sequence[Entry], amplitudes: Sequence[float]) -> dict[int, NDArray[np.float64]]:
+    """Signatures above amplitudes, shape (amplitudes, n), by the columns of what acts all along."""
     inn = case.innovations
-    forces = inn.forces([(candidate.term, candidate.unit(candidate.linear[0])) for candidate in tried])
-    signatures = inn.respond(forces, [acting(inn, above=above) for above in amplitudes])
+    columns = [column for _, of_it in tried for column in of_it]
+    units = [(candidate.term, candidate.unit(i)) for candidate, _ in tried for i in candidate.linear]
+    signatures = inn.respond(inn.forces(units), [acting(inn, above=above) for above in amplitudes])
+    return dict(zip(columns, signatures.reshape(len(columns), len(amplitudes), -1), strict=True))
+
+
+def _best_above(case: Case, tried: Sequence[Entry], amplitudes: Sequence[float]) -> tuple[Entry, float] | None:
+    """Of candidates above each of several amplitudes, the one that gains most on the training blocks."""
     nuisance = case.matrix[case.evidence.nuisance]
+    k, best, found = len(nuisance), 0.0, None
+    confined = _confined(case, tried, amplitudes)
+    first = dict(zip(confined, range(k, k + len(confined) * len(amplitudes), len(amplitudes)), strict=True))
+    columns_here = [*nuisance, *(signature for of_column in confined.values() for signature in of_column)]
+    evidence = Evidence(case.innovations.white, columns_here, case.weight, range(k), case.evidence.block)
+    for candidate, columns in tried:
+        for i, above in enumerate(amplitudes):
+            here = [first[column] + i for column in columns]
+            left, fit = evidence.bounded(here, candidate.lower, PRICE_NATS, case.training)
+            gain = fit.gain - PRICE_NATS * (1 + len(left) + candidate.shapes)
+            if left and gain > best:
+                best, found = gain, ((candidate, columns), float(above))
+    return found
+
+
+def _told(
+    case: Case,
+    entries: Sequence[Entry],
+    confined: Mapping[int, NDArray[np.float64]],
+    retuning: Sequence[int],
+    ends: int,
+    between_s: tuple[float, float] | None = None,
+    above: float | None = None,
+) -> Local | None:
+    """What explains a part of the recording best, on all blocks; None if the held-out blocks do not confirm it.
+
+    Parameters
+    ----------
+    entries : sequence of (Candidate, list of int)
+        Candidates with the columns of their coefficients.
+    confined : mapping of int to ndarray of float64, shape (1, n)
+        What is left of each of these columns in that part.
+    retuning : sequence of int
+        Columns of a spring and a damper that may change there.
+    ends : int
+        How many numbers say where.
+    between_s, above
+        Where.
+    """
+    nuisance, numbers = case.matrix[case.evidence.nuisance], list(confined)
     k = len(nuisance)
-    evidence = Evidence(inn.white, [*nuisance, *signatures], case.weight, range(k), case.evidence.block)
-    best: Local | None = None
-    for i, (candidate, above) in enumerate(product(tried, amplitudes)):
-        fit = evidence.regress([k + i], case.training)
-        gain = fit.gain - PRICE_NATS * (2 + candidate.shapes)
-        if fit.coefficients[0] < candidate.lower[0] or (best is not None and gain <= best.gain_nats):
-            continue
-        check = evidence.regress([k + i], ~case.training)
-        p = float(stats.norm.sf(check.coefficients[0] / check.sd[0] * np.sign(fit.coefficients[0])))
-        best = Local(candidate, signatures[i], gain, check.gain, p, above=above)
-    return best
+    columns = [*nuisance, *(signature for number in numbers for signature in confined[number])]
+    evidence = Evidence(case.innovations.white, columns, case.weight, range(k), case.evidence.block)
+    at = {number: k + i for i, number in enumerate(numbers)}
+    contest = Contest(evidence, [(candidate, [at[c] for c in of_it]) for candidate, of_it in entries])
+    ranking = [contest.score(entry, []) for entry in contest.best([], evidence.everything).values() if entry[3]]
+    ranking.sort(key=lambda scored: -scored.evidence_nats)
+    names = [(scored.candidate.name, scored.evidence_nats) for scored in ranking]
+    left, fit = evidence.bounded([at[c] for c in retuning], (-np.inf, -np.inf), PRICE_NATS)
+    if left:
+        names.append((RETUNED, fit.gain - PRICE_NATS * len(left)))
+    names.sort(key=lambda each: -each[1])
+    if not ranking or names[0][1] - PRICE_NATS * ends < _all_along(case) + LESS_NATS:
+        return None
+    leader = ranking[0]
+    acting_units: tuple[int, ...] = ()
+    if names[0][0] != RETUNED:
+        left = leader.columns
+        units = zip(leader.all_columns, leader.candidate.linear, strict=True)
+        acting_units = tuple(i for column, i in units if column in left)
+    trained, base = evidence.regress(left, case.training), evidence.regress([], case.training)
+    held = evidence.gain_on(trained, left, base, ~case.training)
+    p = evidence.p_value(left, ~case.training)
+    if held < LEAST_HELD_OUT_NATS or p > HELD_OUT_P:
+        return None
+    as_likely = [Alternative(name, float(nats)) for name, nats in names if nats > names[0][1] - APART_NATS]
+    return Local(leader.candidate, acting_units, [columns[i] for i in left], as_likely, held, p, between_s, above)
 
 
 def _all_along(case: Case) -> float:
-    """What names explain on the training blocks if they act all along, however many it takes; 0 for none."""
-    entries = case.contest.best([], case.training).values()
-    alone = max((entry[0] for entry in entries), default=0.0)
+    """What names explain if they act all along, however many it takes, or a machine that drifts; 0 for none."""
+    evidence = case.evidence
+    everything = evidence.everything
+    alone = max((entry[0] for entry in case.contest.best([], everything).values()), default=0.0)
     columns = [column for scored in case.named for column in scored.columns]
     shapes = sum(scored.candidate.shapes for scored in case.named)
-    together = case.evidence.regress(columns, case.training).gain - PRICE_NATS * (len(columns) + shapes)
-    return max(alone, together, 0.0)
+    together = evidence.regress(columns).gain - PRICE_NATS * (len(columns) + shapes)
+    waves = case.columns["time"]
+    springs, dampers = waves[: len(waves) // 2], waves[len(waves) // 2 :]
+    drifting = [
+        evidence.regress(some[:most]).gain - PRICE_NATS * len(some[:most])
+        for some in (springs, dampers, [wave for both in zip(springs, dampers, strict=True) for wave in both])
+        for most in range(1, len(some) + 1)
+    ]
+    return max(alone, together, *drifting, 0.0)
 
 
-def _regressed(
-    evidence: Evidence, columns: Sequence[int], where: slice, blocks: NDArray[np.bool_]
-) -> tuple[float, float, float]:
-    """Coefficient, its standard deviation, and gain, on some blocks of a stretch."""
-    inside = np.zeros(evidence.blocks, dtype=bool)
-    inside[where] = True
-    fit = evidence.regress(columns, inside & blocks)
-    return float(fit.coefficients[0]), float(fit.sd[0]), fit.gain
+def _subsets(columns: Sequence[int], lower: Sequence[float]) -> Iterator[tuple[list[int], Vector]]:
+    """Columns with their lower bounds: each alone, and all together."""
+    for size in range(1, len(columns) + 1):
+        for chosen in combinations(range(len(columns)), size):
+            yield [columns[i] for i in chosen], np.array([lower[i] for i in chosen])
 
 
-def stretch(evidence: Evidence, column: int) -> tuple[int, int, float]:
-    """Run of blocks in which one column gains most: the first, one past the last, and the gain in nats."""
-    index = [column + 1, *(i + 1 for i in evidence.nuisance)]
-    products = evidence.products[:, column + 1][:, [0, *index]]
+def stretch(evidence: Evidence, columns: Sequence[int], lower: Vector) -> tuple[int, int, float]:
+    """Run of blocks in which columns gain most: the first, one past the last, and the gain in nats."""
+    rows = [0, *(i + 1 for i in (*columns, *evidence.nuisance))]
+    products = evidence.products[:, [c + 1 for c in columns]][:, :, rows]
     first, last = np.triu_indices(evidence.blocks + 1, LEAST_BLOCKS)
-    gain = _gains(evidence, products, first, last)
+    gain = _gains(evidence, products, first, last, lower)
     best = int(np.argmax(gain))
     return int(first[best]), int(last[best]), float(gain[best])
 
 
-def _ends(case: Case, column: int, where: slice) -> tuple[float, float]:
+def _ends(case: Case, columns: Sequence[int], where: slice) -> tuple[float, float]:
     """Ends of a stretch in seconds, each within a block of a first idea in blocks."""
     evidence, rate_hz = case.evidence, case.recorded.rate_hz
     n = case.recorded.samples.size
     edges = np.round(np.arange(0.0, n / rate_hz, ENDS_S) * rate_hz).astype(np.int64)
-    weighted = case.matrix[column] * case.weight**2
-    rows = [case.innovations.white, *case.matrix[[column, *evidence.nuisance]]]
-    products = np.column_stack([np.add.reduceat(weighted * row, edges[edges < n]) for row in rows])
+    weight2 = case.weight**2
+    rows = [case.innovations.white, *case.matrix[[*columns, *evidence.nuisance]]]
+    products = np.stack(
+        [
+            np.column_stack([np.add.reduceat(case.matrix[c] * weight2 * row, edges[edges < n]) for row in rows])
+            for c in columns
+        ],
+        axis=1,
+    )
     per_block = max(1, round(case.block_s / ENDS_S))
     around = np.arange(-2 * per_block, 2 * per_block + 1)  # a training block and the held-out one beside it
     begins, ends = np.meshgrid(where.start * per_block + around, where.stop * per_block + around, indexing="ij")
@@ -159,25 +226,40 @@ def _ends(case: Case, column: int, where: slice) -> tuple[float, float]:
 
 
 def _gains(
-    evidence: Evidence, products: NDArray[np.float64], first: NDArray[np.int64], last: NDArray[np.int64]
+    evidence: Evidence,
+    products: NDArray[np.float64],
+    first: NDArray[np.int64],
+    last: NDArray[np.int64],
+    lower: Vector | float = -np.inf,
 ) -> Vector:
-    """Gain of one column confined to each of several runs of pieces.
+    """Gain of columns confined to each of several runs of pieces; none where a coefficient is below its bound.
 
     Parameters
     ----------
     evidence : Evidence
         What the nuisance columns explain.
-    products : ndarray of float64, shape (pieces, 2 + k)
-        Of the column with errors, itself and the nuisance columns, in each piece.
+    products : ndarray of float64, shape (pieces, c, 1 + c + k)
+        Of c columns with errors, themselves and k nuisance columns, in each piece.
     first, last : ndarray of int64, shape (runs,)
         First piece, and one past the last.
+    lower : ndarray of float64, shape (c,)
+        Bounds of the coefficients.
     """
     total = evidence.over(evidence.everything)
     nuisance = [i + 1 for i in evidence.nuisance]
     normal = total[np.ix_(nuisance, nuisance)]
     inverse = np.linalg.inv(normal + 1e-9 * np.diag(np.diag(normal)))
-    sums = np.concatenate([np.zeros((1, products.shape[1])), np.cumsum(products, axis=0)])
+    c = products.shape[1]
+    sums = np.concatenate([np.zeros((1, *products.shape[1:])), np.cumsum(products, axis=0)])
     part = sums[last] - sums[first]
-    score = part[:, 0] - part[:, 2:] @ (inverse @ total[nuisance, 0])
-    weight = part[:, 1] - np.einsum("ri,ij,rj->r", part[:, 2:], inverse, part[:, 2:])
-    return np.asarray(0.5 * score**2 / np.maximum(weight, 1e-300))
+    beside = part[:, :, 1 + c :]
+    score = part[:, :, 0] - beside @ (inverse @ total[nuisance, 0])
+    weight = part[:, :, 1 : 1 + c] - beside @ inverse @ beside.transpose(0, 2, 1)
+    # A force that hardly acts there, or that the nuisance imitates, has nothing to gain.
+    whole = np.diagonal(sums[-1][:, 1 : 1 + c])
+    size = np.diagonal(weight, axis1=1, axis2=2)
+    acts = np.all(size > _SEEN * whole, axis=1)
+    weight[~acts] = np.eye(c)
+    coefficients = np.linalg.solve(weight, score[:, :, None])[:, :, 0]
+    gain = 0.5 * np.einsum("rc,rc->r", score, coefficients)
+    return np.where(acts & np.all(coefficients >= lower, axis=1), gain, 0.0)
