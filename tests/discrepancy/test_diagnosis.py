@@ -111,6 +111,16 @@ def test_an_effect_in_a_part_of_the_recording_is_located_there():
     assert min(last, end) - max(first, begin) > 0.8 * (max(last, end) - min(first, begin))
 
 
+def test_names_that_explain_a_stretch_equally_are_not_told_apart():
+    """A play too small to be told from a hardening spring is located, both are listed, and neither is named."""
+    begin, end = 4.3, 7.3
+    report = diagnosed(Machine("clearance", 0.035, between_s=(begin, end), **SHORT), 111).report
+    assert report.verdict == "unknown", report.summary
+    assert {other.name for other in report.alternatives[:2]} == {"clearance", "cubic_stiffness"}
+    assert "from 4.0 to 7.3 s only" in report.summary
+    assert report.located.time_s == [pytest.approx((begin, end), abs=0.4)]
+
+
 def test_friction_above_an_amplitude_is_located_there():
     """Dry friction that acts at large amplitudes only is named, and so is the amplitude."""
     report = diagnosed(Machine("coulomb", 0.1, above=0.9, **SHORT), 112).report
