@@ -32,12 +32,12 @@ class Local:
 
     Attributes
     ----------
-    candidate : Candidate
-        That explains it best.
+    candidate : Candidate, optional
+        That explains it best; none where a spring and a damper that change do.
     units : tuple of int
-        Which of its parameters are the coefficients; none where a spring and a damper that change explain it best.
+        Which of its parameters are the coefficients.
     signatures : list of ndarray of float64, shape (n,)
-        Of the units, or of that spring and damper: whitened, and confined to where it acts.
+        Of the units, then of that spring and damper: whitened, and confined to where it acts.
     as_likely : list of Alternative
         Names that explain it about equally, the best first; a name alone is told from the others.
     held_out_nats : float
@@ -50,7 +50,7 @@ class Local:
         Amplitude sqrt(x^2 + (v / w)^2) above which it acts.
     """
 
-    candidate: Candidate
+    candidate: Candidate | None
     units: tuple[int, ...]
     signatures: list[Vector]
     as_likely: list[Alternative]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy import basis
 from chatter_monitor.discrepancy.band import Recorded, within_band
-from chatter_monitor.discrepancy.case import SURE, Case
+from chatter_monitor.discrepancy.case import SURE, Case, Local
 from chatter_monitor.discrepancy.ceiling import Surface, ceiling
 from chatter_monitor.discrepancy.columns import gather
 from chatter_monitor.discrepancy.evidence import Evidence
@@ -23,7 +23,7 @@ from chatter_monitor.discrepancy.faults import (
 )
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.linear import Base, calibrate, fit_base
-from chatter_monitor.discrepancy.local import find_above, find_local
+from chatter_monitor.discrepancy.local import acting, find_above, find_local
 from chatter_monitor.discrepancy.locate import (
     frequency_map,
     lag_map,
@@ -169,6 +169,7 @@ def _decide(case: Case) -> None:
                 evidence.join(there, case.innovations.white, case.matrix, case.weight)
             )
             case.matrix = np.vstack([case.matrix, there])
+        case.offset_p = _offset_beside(case, case.local)
         evidence.nuisance += case.columns["local"]
     elif changing.p_value < SURE:
         case.drift = changing
@@ -178,6 +179,22 @@ def _decide(case: Case) -> None:
     with case.contest.beside([column for scored in case.named for column in scored.columns]):
         case.rest = ceiling(evidence, case.columns["surface"], case.training)
         case.rest_maps = _maps(case, evidence)
+
+
+def _offset_beside(case: Case, local: Local) -> float:
+    """p-value of a drifting offset beside a force that moves the mean of the displacement where it acts."""
+    inn, candidate = case.innovations, local.candidate
+    seen = inn.linear.quantity == "displacement" and local.between_s is not None
+    if case.offset_p >= SURE or not seen or candidate is None:
+        return case.offset_p
+    inside = acting(inn, local.between_s)[0]
+    coefficients = case.evidence.regress(case.columns["local"]).coefficients
+    forces = inn.forces([(candidate.term, candidate.unit(i)) for i in local.units])[:, 0, inside]
+    mean = float(coefficients[: len(local.units)] @ forces.mean(axis=1))
+    moved = -mean / inn.observer.omega**2 * inside
+    recorded = within_band(case.whole, max(mode.frequency_hz for mode in case.system.modes))
+    expected = 0.5 * case.base.fitted.lowest_density * recorded.rate_hz
+    return slow_drift(recorded.samples - moved, recorded.missing, expected)[1]
 
 
 def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector]) -> tuple[Surface, list[Statistic]]:

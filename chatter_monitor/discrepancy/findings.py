@@ -135,9 +135,9 @@ def of_local(case: Case, local: Local) -> Finding:
     columns = case.columns["local"]
     with case.contest.instead([column for column in case.evidence.nuisance if column not in columns]) as evidence:
         fit = evidence.regress(columns)
-    term = local.candidate.term
+    known = local.candidate.term.parameters if local.candidate else ()
     parameters = {
-        term.parameters[i].name: estimate(value, sd, term.parameters[i].unit)
+        known[i].name: estimate(value, sd, known[i].unit)
         for i, value, sd in zip(local.units, fit.coefficients, fit.sd, strict=False)
     }
     name = local.as_likely[0].name

@@ -18,14 +18,16 @@ from chatter_monitor.discrepancy.candidates import Candidate
 from chatter_monitor.discrepancy.case import Case, Local
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.innovations import Innovations
-from chatter_monitor.discrepancy.name import HELD_OUT_P, LEAST_HELD_OUT_NATS, PRICE_NATS, Contest
+from chatter_monitor.discrepancy.name import HELD_OUT_P, LEAST_HELD_OUT_NATS, PRICE_NATS, Contest, Scored
 from chatter_monitor.discrepancy.report import Alternative
 
 Vector = NDArray[np.float64]
 Entry = tuple[Candidate, list[int]]
 
 LESS_NATS = 10.0  # by which an effect in a part of the recording has to beat everything that acts all along
-APART_NATS = 3.0  # by which one name has to beat the next: odds of 20 to 1
+# By which one name has to beat the next: odds of 20 to 1, and the share of what it explains by which the regression may
+# be wrong, because it takes the motion from a machine without it.
+APART_NATS, APART_SHARE = 3.0, 0.05
 ENDS_S = 0.05  # to which the ends of a stretch are told
 LEAST_BLOCKS = 2  # of the training blocks
 ABOVE = np.geomspace(0.8, 2.4, 7)  # amplitudes tried, over the rms displacement; then as many about the best
@@ -83,10 +85,10 @@ def find_above(case: Case) -> Local | None:
     ratio = float(ABOVE[1] / ABOVE[0])
     entry, above = best
     _, above = _best_above(case, [entry], above * ratio**_FINER) or best
-    return _told(case, tried, _confined(case, tried, [above]), [], 1, above=above)
+    return _told(case, tried, _confined(case, tried, np.array([above])), [], 1, above=above)
 
 
-def _confined(case: Case, tried: Sequence[Entry], amplitudes: Sequence[float]) -> dict[int, NDArray[np.float64]]:
+def _confined(case: Case, tried: Sequence[Entry], amplitudes: Vector) -> dict[int, NDArray[np.float64]]:
     """Signatures above amplitudes, shape (amplitudes, n), by the columns of what acts all along."""
     inn = case.innovations
     columns = [column for _, of_it in tried for column in of_it]
@@ -95,7 +97,7 @@ def _confined(case: Case, tried: Sequence[Entry], amplitudes: Sequence[float]) -
     return dict(zip(columns, signatures.reshape(len(columns), len(amplitudes), -1), strict=True))
 
 
-def _best_above(case: Case, tried: Sequence[Entry], amplitudes: Sequence[float]) -> tuple[Entry, float] | None:
+def _best_above(case: Case, tried: Sequence[Entry], amplitudes: Vector) -> tuple[Entry, float] | None:
     """Of candidates above each of several amplitudes, the one that gains most on the training blocks."""
     nuisance = case.matrix[case.evidence.nuisance]
     k, best, found = len(nuisance), 0.0, None
@@ -143,28 +145,52 @@ def _told(
     evidence = Evidence(case.innovations.white, columns, case.weight, range(k), case.evidence.block)
     at = {number: k + i for i, number in enumerate(numbers)}
     contest = Contest(evidence, [(candidate, [at[c] for c in of_it]) for candidate, of_it in entries])
-    ranking = [contest.score(entry, []) for entry in contest.best([], evidence.everything).values() if entry[3]]
-    ranking.sort(key=lambda scored: -scored.evidence_nats)
-    names = [(scored.candidate.name, scored.evidence_nats) for scored in ranking]
-    left, fit = evidence.bounded([at[c] for c in retuning], (-np.inf, -np.inf), PRICE_NATS)
-    if left:
-        names.append((RETUNED, fit.gain - PRICE_NATS * len(left)))
-    names.sort(key=lambda each: -each[1])
-    if not ranking or names[0][1] - PRICE_NATS * ends < _all_along(case) + LESS_NATS:
+    ranking, changed = _ranked(contest, []), 0.0
+    beside, fit = evidence.bounded([at[c] for c in retuning], (-np.inf, -np.inf), PRICE_NATS)
+    names = {scored.candidate.name: scored.evidence_nats for scored in ranking}
+    if beside:
+        changed = fit.gain - PRICE_NATS * len(beside)
+    if not ranking or changed < ranking[0].evidence_nats - _apart(ranking[0].evidence_nats):
+        beside = []
+    elif (further := _ranked(contest, beside)) and _confirmed(further[0].held_out_nats, further[0].p_value):
+        # More than the machine changes there: then a name has to say what.
+        ranking, names = further, {each.candidate.name: changed + each.evidence_nats for each in further}
+    else:
+        names[RETUNED] = changed
+    order = sorted(names, key=lambda name: -names[name])
+    if not order or names[order[0]] - PRICE_NATS * ends < _all_along(case) + LESS_NATS:
         return None
-    leader = ranking[0]
-    acting_units: tuple[int, ...] = ()
-    if names[0][0] != RETUNED:
-        left = leader.columns
-        units = zip(leader.all_columns, leader.candidate.linear, strict=True)
-        acting_units = tuple(i for column, i in units if column in left)
-    trained, base = evidence.regress(left, case.training), evidence.regress([], case.training)
-    held = evidence.gain_on(trained, left, base, ~case.training)
-    p = evidence.p_value(left, ~case.training)
-    if held < LEAST_HELD_OUT_NATS or p > HELD_OUT_P:
+    units: tuple[int, ...] = ()
+    leading = beside
+    if order[0] != RETUNED:
+        leader = ranking[0]
+        leading = [*leader.columns, *(beside if RETUNED not in names else [])]
+        both = zip(leader.all_columns, leader.candidate.linear, strict=True)
+        units = tuple(i for column, i in both if column in leader.columns)
+    trained, base = evidence.regress(leading, case.training), evidence.regress([], case.training)
+    held = evidence.gain_on(trained, leading, base, ~case.training)
+    p = evidence.p_value(leading, ~case.training)
+    if not _confirmed(held, p):
         return None
-    as_likely = [Alternative(name, float(nats)) for name, nats in names if nats > names[0][1] - APART_NATS]
-    return Local(leader.candidate, acting_units, [columns[i] for i in left], as_likely, held, p, between_s, above)
+    least = names[order[0]] - _apart(names[order[0]])
+    as_likely = [Alternative(name, float(names[name])) for name in order if names[name] > least]
+    candidate = ranking[0].candidate if units else None
+    return Local(candidate, units, [columns[i] for i in leading], as_likely, held, p, between_s, above)
+
+
+def _apart(evidence_nats: float) -> float:
+    return max(APART_NATS, APART_SHARE * evidence_nats)
+
+
+def _ranked(contest: Contest, given: Sequence[int]) -> list[Scored]:
+    """The best shape of every name beside columns that are given, most evidence first."""
+    entries = contest.best(given, contest.evidence.everything).values()
+    return sorted((contest.score(each, given) for each in entries if each[3]), key=lambda each: -each.evidence_nats)
+
+
+def _confirmed(held_out_nats: float, p_value: float) -> bool:
+    """As of a name that acts all along."""
+    return held_out_nats >= LEAST_HELD_OUT_NATS and p_value <= HELD_OUT_P
 
 
 def _all_along(case: Case) -> float:
