@@ -25,9 +25,9 @@ Vector = NDArray[np.float64]
 Entry = tuple[Candidate, list[int]]
 
 LESS_NATS = 10.0  # by which an effect in a part of the recording has to beat everything that acts all along
-# By which one name has to beat the next: odds of 20 to 1, and the share of what it explains by which the regression may
-# be wrong, because it takes the motion from a machine without it.
-APART_NATS, APART_SHARE = 3.0, 0.05
+# By which one name has to beat the next: odds of 20 to 1; and by which share of what it explains a change of the
+# machine there, because the regression takes the motion from the machine of the whole recording.
+APART_NATS, CHANGED_SHARE = 3.0, 0.05
 ENDS_S = 0.05  # to which the ends of a stretch are told
 LEAST_BLOCKS = 2  # of the training blocks
 ABOVE = np.geomspace(0.8, 2.4, 7)  # amplitudes tried, over the rms displacement; then as many about the best
@@ -150,7 +150,7 @@ def _told(
     names = {scored.candidate.name: scored.evidence_nats for scored in ranking}
     if beside:
         changed = fit.gain - PRICE_NATS * len(beside)
-    if not ranking or changed < ranking[0].evidence_nats - _apart(ranking[0].evidence_nats):
+    if not ranking or changed < ranking[0].evidence_nats - _from_change(ranking[0].evidence_nats):
         beside = []
     elif (further := _ranked(contest, beside)) and _confirmed(further[0].held_out_nats, further[0].p_value):
         # More than the machine changes there: then a name has to say what.
@@ -172,14 +172,16 @@ def _told(
     p = evidence.p_value(leading, ~case.training)
     if not _confirmed(held, p):
         return None
-    least = names[order[0]] - _apart(names[order[0]])
-    as_likely = [Alternative(name, float(names[name])) for name in order if names[name] > least]
+    leads = names[order[0]]
+    near = {name: _from_change(leads) if RETUNED in (name, order[0]) else APART_NATS for name in order}
+    as_likely = [Alternative(name, float(names[name])) for name in order if names[name] > leads - near[name]]
     candidate = ranking[0].candidate if units else None
     return Local(candidate, units, [columns[i] for i in leading], as_likely, held, p, between_s, above)
 
 
-def _apart(evidence_nats: float) -> float:
-    return max(APART_NATS, APART_SHARE * evidence_nats)
+def _from_change(evidence_nats: float) -> float:
+    """Distance between a name and a change of the machine below which neither is told from the other."""
+    return max(APART_NATS, CHANGED_SHARE * evidence_nats)
 
 
 def _ranked(contest: Contest, given: Sequence[int]) -> list[Scored]:
