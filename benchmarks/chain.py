@@ -117,7 +117,7 @@ def by_stage(watch: Stopwatch, samples: Samples, spindle: SpindleSettings) -> li
 
     found = watch.time("margin", lambda: [margin_of(f.signal, o) for f, o in zip(frames, turned, strict=True)])
     seen = [
-        Observation(frame, order, line, margin[-1])  # type: ignore[arg-type]
+        Observation(frame, order, line, True, margin[-1])  # type: ignore[arg-type]
         for frame, order, line, margin in zip(frames, turned, lines, found, strict=True)
     ]
     return watch.time("verdict", lambda: judge(seen, spindle))

@@ -139,12 +139,12 @@ def growth(amplitudes: NDArray[np.complex128]) -> float:
     return float(linregress(np.arange(len(amplitudes)), np.log(abs(amplitudes))).slope)
 
 
-def rise(reliefs: NDArray[np.float64], levels: NDArray[np.float64], b: int) -> float:
+def rise(reliefs: NDArray[np.float64], levels: NDArray[np.float64], cutting: NDArray[np.bool_], b: int) -> float:
     """Logarithm of the newest amplitude of a line (oldest row first) over its upper median, by its prominence.
 
-    Rows whose level (logarithm of the power) is 25 dB below the newest do not count.
+    Rows in which nothing was cut, and whose level (logarithm of the power) is 25 dB below the newest, do not count.
     """
-    heights = reliefs[levels > levels[-1] - 5.8, b - 1 : b + 2].max(axis=1)
+    heights = reliefs[cutting & (levels > levels[-1] - 5.8), b - 1 : b + 2].max(axis=1)
     return float(0.5 * (heights[-1] - np.sort(heights)[len(heights) // 2]))
 
 
@@ -160,6 +160,11 @@ class NaiveVibration:
     chattered: bool = False
     missed: int = 0
     unexplained: float = 0.0
+    heard: int = 0
+    jitter: float = 0.0
+    place: float = 0.0
+    glide: float = 0.0
+    glides: list[bool] = field(default_factory=list)
 
     @property
     def self_excited(self) -> float:
@@ -174,19 +179,34 @@ class NaiveVibration:
         self.missed += 1
         if line is not None:
             self.missed, self.hertz = 0, line["frequency_hz"]
+            self.follow_frequency()
             self.odds += vibrations.AVERAGING * (line["order_odds"] - self.odds)
-            dominance = self.dominance + vibrations.AVERAGING * (line["share"] - self.dominance)
+            dominance = self.dominance + vibrations.AVERAGING * (line["share"] * line["left"] - self.dominance)
             self.dominance = max(dominance, self.dominance if self.alarm_for else 0.0)
             seen = self.likeness(line, weights)
         self.kinds = self.forward(seen, rules.chain)
         risen = self.kinds[1] + self.kinds[2]
-        self.unexplained = float(expit(self.odds + rules.odds.offset + rules.odds.dominance * self.dominance))
+        last = self.glides[-109:]
+        glided = any(all(last[i : i + 10]) for i in range(len(last) - 9))
+        odds = self.odds - 4.0 * (glided and not self.chattered)
+        self.unexplained = float(expit(odds + rules.odds.offset + rules.odds.dominance * self.dominance))
         before = self.alarm_for
         alarm = self.self_excited >= (rules.calm_probability if before else rules.alarm_probability)
         self.alarm_for = before + 1 if alarm else 0
         self.chattered |= alarm
         if before and not alarm and risen < 0.5:
             self.kinds = np.array(vibrations.CALMED)
+
+    def follow_frequency(self) -> None:
+        if not self.heard:
+            self.place = float(np.log(self.hertz))
+        miss = float(np.log(self.hertz)) - self.place - self.glide
+        self.heard += 1
+        gain = max(0.35, 1.0 / self.heard)
+        self.place += self.glide + gain * miss
+        self.glide += 0.074 * miss * (self.heard > 2)
+        self.jitter = (1.0 - gain) * self.jitter + gain * miss**2
+        self.glides.append(bool(abs(self.glide) > max(1e-3, 0.4 * np.sqrt(self.jitter))))
 
     def likeness(self, line: np.void, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.chattered and line["long_rise"] < vibrations.DIED_DOWN:
@@ -222,7 +242,7 @@ def follow_all(
         else:
             vibration.interval(None, rules, weights)
     for line in left:
-        before.append(NaiveVibration(line["frequency_hz"], line["order_odds"], line["share"]))
+        before.append(NaiveVibration(line["frequency_hz"], line["order_odds"], line["share"] * line["left"]))
         before[-1].interval(line, rules, weights)
     limits = (vibrations.FORGOTTEN, vibrations.FORGOTTEN_CHATTER)
     return sorted((v for v in before if v.missed < limits[v.chattered]), key=lambda v: -v.self_excited)

@@ -26,7 +26,8 @@ MEASURES = 11
 COHERENCE_LAG_S = 0.025
 
 # A line of the short-time spectrum (`tracking.spectrum.Line`), with the damping ratio of the tracker's mode at it, or
-# its own where there is none, and its log odds for self-excitation by its place among the orders.
+# its own where there is none, its log odds for self-excitation by its place among the orders, and which share of the
+# power there has not been taken out with what turns.
 LINE = np.dtype(
     [
         ("frequency_hz", float),
@@ -40,6 +41,7 @@ LINE = np.dtype(
         ("coherence", float),
         ("damping_ratio", float),
         ("order_odds", float),
+        ("left", float),
     ]
 )
 

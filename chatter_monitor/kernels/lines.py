@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from chatter_monitor.kernels.engagement import engaged, new_air
 from chatter_monitor.kernels.median import median
 from chatter_monitor.kernels.options import OPTIONS
 
@@ -25,6 +26,8 @@ AROUND = 12
 LAG = 2
 # Added to powers before their logarithm is taken.
 TINY = 1e-300
+# Hops over which the phase tells the frequency, and the coherence from one to the next that it takes.
+PHASE_HOPS, TELLING = 12, 0.5
 # Hops over which growth is fitted.
 GROWTH_HOPS = 12
 # Frames that are fainter by so much (logarithm of the power, 25 dB) are silence.
@@ -58,8 +61,12 @@ class LineState(NamedTuple):
         Rings of prominences (`stand_out`) and of logarithms of the power, a column for each frame.
     relief : ndarray of float64, shape (bins,)
         The newest prominences.
-    levels : ndarray of float64, shape (frames,)
-        Mean logarithm of the power in each frame.
+    levels, totals : ndarray of float64, shape (frames,)
+        Mean over the bins of the logarithm of the power in each frame, and logarithm of the whole power.
+    cutting : ndarray of bool, shape (frames,)
+        Whether the tool was in the cut in each frame.
+    air : ndarray of float64, shape (4,)
+        What is known of the air (`kernels.engagement`).
     counts : ndarray of int64, shape (2,)
     sums : ndarray of float64, shape (bins + 1,)
     scratch : ndarray of float64, shape (max(hops, frames),)
@@ -74,6 +81,9 @@ class LineState(NamedTuple):
     powers: np.ndarray
     relief: np.ndarray
     levels: np.ndarray
+    totals: np.ndarray
+    cutting: np.ndarray
+    air: np.ndarray
     counts: np.ndarray
     sums: np.ndarray
     scratch: np.ndarray
@@ -91,6 +101,9 @@ def new_state(points: int, hops: int, frames: int) -> LineState:
         powers=np.zeros((bins, frames)),
         relief=np.zeros(bins),
         levels=np.zeros(frames),
+        totals=np.zeros(frames),
+        cutting=np.zeros(frames, np.bool_),
+        air=new_air(),
         counts=np.zeros(2, np.int64),
         sums=np.zeros(bins + 1),
         scratch=np.zeros(max(hops, frames)),
@@ -154,6 +167,11 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
     stand_out(power, lowest, state.sums, relief)
     bins = power.shape[0]
     state.levels[column] = (state.sums[bins] - state.sums[lowest]) / (bins - lowest)
+    total = 0.0
+    for b in range(lowest, bins):
+        total += power[b]
+    state.totals[column] = math.log(total + TINY)
+    state.cutting[column] = engaged(state.levels, state.totals, state.cutting, counts[FRAMES], state.air, state.scratch)
     for b in range(relief.shape[0]):
         reliefs[b, column] = relief[b]
         state.powers[b, column] = state.sums[b + 1] - state.sums[b]
@@ -162,11 +180,11 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
     for i in range(count):
         b, out = peaks[i], measures[i]
         describe(spectra, state.valid, counts[TAKEN], power, lowest, b, state.scratch, out)
-        out[BIN] = b + crest(power, b)
+        out[BIN] = b + beat(spectra[b], state.valid, counts[TAKEN], state.turns.shape[0] / hop, crest(power, b))
         out[PROMINENCE] = relief[b]
-        out[RISE] = rise(reliefs, state.levels, counts[FRAMES], recent, b, state.scratch)
-        out[LONG_RISE] = rise(reliefs, state.levels, counts[FRAMES], frames, b, state.scratch)
-        out[ABSOLUTE_RISE] = rise(state.powers, state.levels, counts[FRAMES], frames, b, state.scratch)
+        out[RISE] = rise(reliefs, state.levels, state.cutting, counts[FRAMES], recent, b, state.scratch)
+        out[LONG_RISE] = rise(reliefs, state.levels, state.cutting, counts[FRAMES], frames, b, state.scratch)
+        out[ABSOLUTE_RISE] = rise(state.powers, state.levels, state.cutting, counts[FRAMES], frames, b, state.scratch)
     return count
 
 
@@ -268,6 +286,28 @@ def crest(power, b):
 
 
 @njit(**OPTIONS)
+def beat(amplitudes, valid, head, turn, otherwise):
+    """How far a line is from its bin, in bins, by how its phase advances; ``otherwise`` where that does not tell.
+
+    The crest of a line is pulled aside by what is beside it, at low frequencies by its own mirror image, by some Hz;
+    its phase is not. ``turn`` is by how many bins a whole turn from hop to hop would be.
+    """
+    size = valid.shape[0]
+    product = complex(0.0, 0.0)
+    norm = 0.0
+    now = head % size
+    for _ in range(min(PHASE_HOPS, size - 1)):
+        now = _before(now, size)
+        then = _before(now, size)
+        if valid[now] and valid[then]:
+            product += amplitudes[now] * np.conj(amplitudes[then])
+            norm += abs(amplitudes[now]) * abs(amplitudes[then])
+    if not abs(product) > TELLING * norm:
+        return otherwise
+    return math.atan2(product.imag, product.real) * turn / (2.0 * math.pi)
+
+
+@njit(**OPTIONS)
 def describe(spectra, valid, head, power, lowest, b, scratch, out):
     """Share, variation, growth and coherence of the line at bin ``b``: ``out`` at these indices.
 
@@ -318,10 +358,11 @@ def describe(spectra, valid, head, power, lowest, b, scratch, out):
 
 
 @njit(**OPTIONS)
-def rise(heights, levels, head, frames, b, scratch):
+def rise(heights, levels, cutting, head, frames, b, scratch):
     """Half the height of a bin, less its median over the last frames: growth, of prominences that which is not shared.
 
-    Frames in which there was next to silence do not count: what begins has not risen from them.
+    Frames in which nothing was cut, or in which there was next to silence, do not count: what begins has not risen from
+    them.
 
     Parameters
     ----------
@@ -329,6 +370,8 @@ def rise(heights, levels, head, frames, b, scratch):
         Ring of prominences (`stand_out`) or of logarithms of the power, a column for each frame.
     levels : ndarray, shape (columns,)
         Mean logarithm of the power in each of these frames.
+    cutting : ndarray of bool, shape (columns,)
+        Whether the tool was in the cut.
     head : int
         Column after the newest, counted from the start without wrapping.
     frames : int
@@ -340,15 +383,18 @@ def rise(heights, levels, head, frames, b, scratch):
     """
     columns = heights.shape[1]
     column = head % columns
-    silence = levels[_before(column, columns)] - SILENCE
+    newest = _before(column, columns)
+    if not cutting[newest]:
+        return 0.0
+    silence = levels[newest] - SILENCE
     count = 0
     for _ in range(min(frames, head, columns)):
         column = _before(column, columns)
-        if levels[column] > silence:
+        if cutting[column] and levels[column] > silence:
             scratch[count] = max(heights[b - 1, column], heights[b, column], heights[b + 1, column])
             count += 1
-    newest = scratch[0]
-    return 0.5 * (newest - median(scratch[:count])) if count > 1 else 0.0
+    height = scratch[0]
+    return 0.5 * (height - median(scratch[:count]))
 
 
 @njit(**OPTIONS)

@@ -28,6 +28,15 @@ CALMED = Kinds(noise=1.0 - 6e-4, growing=2e-4, saturated=2e-4, steady=2e-4)
 # Weight of an interval in the averages of odds and share, which are over a few intervals.
 AVERAGING = 0.35
 
+# A forced line follows the spindle when that changes its speed; what excites itself stays near its mode. Gains of the
+# filter that follows the logarithm of a frequency; a glide in an interval that counts (2 % in a second), and as a share
+# of how far the filter misses (five standard deviations); intervals in a row for which it has to, and for which it is
+# remembered; log odds of what has glided.
+FREQUENCY_GAIN, GLIDE_GAIN = 0.35, 0.074
+LEAST_GLIDE, SIGNIFICANT_GLIDE = 1e-3, 0.4
+GLIDING, GLIDED = 10, 100
+GLIDES = -4.0
+
 NO_LINE = -1
 
 # One vibration and what is known of it.
@@ -39,12 +48,18 @@ VIBRATION = np.dtype(
         ("saturated", float),
         ("steady", float),
         ("unexplained", float),  # probability that nothing that turns explains it, if it has risen
+        ("alarm_for", np.int64),  # intervals since an alarm began that is about it; 0 without one
+        ("line", np.int64),  # its line in this interval
         ("order_odds", float),  # log odds by its place among the orders, averaged
         ("dominance", float),  # its share of the power, averaged likewise; the largest while an alarm is about it
-        ("alarm_for", np.int64),  # intervals since an alarm began that is about it; 0 without one
         ("chattered", np.bool_),  # whether there has been one
         ("missed", np.int64),  # intervals since its line was heard
-        ("line", np.int64),  # its line in this interval
+        ("heard", np.int64),  # intervals in which it was
+        ("place", float),  # logarithm of its frequency, filtered
+        ("glide", float),  # by how much that changes in an interval
+        ("jitter", float),  # mean square by which the filter misses
+        ("gliding", np.int64),  # intervals in a row in which it has glided
+        ("glided", np.int64),  # intervals for which that counts yet
     ],
     align=True,
 )
@@ -155,9 +170,13 @@ def _begin(vibration, line):
     """A vibration that is heard for the first time."""
     _set_kinds(vibration, PRIOR)
     vibration.order_odds = line.order_odds
-    vibration.dominance = line.share
+    vibration.dominance = line.share * line.left
     vibration.alarm_for = 0
     vibration.chattered = False
+    vibration.heard = 0
+    vibration.place = math.log(line.frequency_hz)
+    vibration.glide = vibration.jitter = 0.0
+    vibration.gliding = vibration.glided = 0
 
 
 @njit(**OPTIONS)
@@ -165,10 +184,25 @@ def _heard(vibration, line, rules, weights):
     """An interval in which this line of a vibration was heard."""
     vibration.missed = 0
     vibration.frequency_hz = line.frequency_hz
+    _glide(vibration)
     vibration.order_odds += AVERAGING * (line.order_odds - vibration.order_odds)
-    dominance = vibration.dominance + AVERAGING * (line.share - vibration.dominance)
+    dominance = vibration.dominance + AVERAGING * (line.share * line.left - vibration.dominance)
     vibration.dominance = max(dominance, vibration.dominance) if vibration.alarm_for else dominance
     _another_interval(vibration, _likeness(vibration, line, weights), rules)
+
+
+@njit(**OPTIONS)
+def _glide(vibration):
+    """Follow its frequency, and tell whether that glides: an alpha-beta filter of its logarithm."""
+    miss = math.log(vibration.frequency_hz) - vibration.place - vibration.glide
+    vibration.heard += 1
+    gain = max(FREQUENCY_GAIN, 1.0 / vibration.heard)
+    vibration.place += vibration.glide + gain * miss
+    vibration.glide += GLIDE_GAIN * miss if vibration.heard > 1.0 / FREQUENCY_GAIN else 0.0
+    vibration.jitter += gain * (miss**2 - vibration.jitter)
+    glides = abs(vibration.glide) > max(LEAST_GLIDE, SIGNIFICANT_GLIDE * math.sqrt(vibration.jitter))
+    vibration.gliding = vibration.gliding + 1 if glides else 0
+    vibration.glided = GLIDED if vibration.gliding >= GLIDING else max(vibration.glided - 1, 0)
 
 
 @njit(**OPTIONS)
@@ -184,6 +218,8 @@ def _another_interval(vibration, seen, rules):
     kinds = follow(_kinds(vibration), seen, rules.chain, vibration.chattered)
     risen = kinds.growing + kinds.saturated
     odds = vibration.order_odds + rules.odds.offset + rules.odds.dominance * vibration.dominance
+    if vibration.glided > 0 and not vibration.chattered:
+        odds += GLIDES
     vibration.unexplained = 1.0 / (1.0 + math.exp(-odds))
     alarmed = vibration.alarm_for > 0
     if risen * vibration.unexplained >= (rules.calm_probability if alarmed else rules.alarm_probability):

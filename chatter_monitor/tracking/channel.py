@@ -29,6 +29,8 @@ class Observation:
         What does.
     lines : tuple of Line
         Lines of what does not, most prominent first.
+    cutting : bool
+        Whether the tool is in the cut, as far as is known.
     margin : Margin
         How far the cut is from chatter, where the speed is known.
     """
@@ -36,6 +38,7 @@ class Observation:
     odp: OdpFrame
     orders: Orders
     lines: tuple[Line, ...]
+    cutting: bool
     margin: Margin
 
 
@@ -119,9 +122,10 @@ class Channel:
         # One stage after the other over all frames of a block, so that each finds its code and data in the cache.
         odps = list(frames)
         orders = [self._waiting.popleft() for _ in odps]
-        lines = [tuple(self._spectrum.take(odp.signal)) for odp in odps]
+        lines = [(tuple(self._spectrum.take(odp.signal)), self._spectrum.cutting) for odp in odps]
         margins = [self._margin_of(odp, turned) for odp, turned in zip(odps, orders, strict=True)]
-        yield from map(Observation, odps, orders, lines, margins)
+        for odp, turned, (found, cutting), margin in zip(odps, orders, lines, margins, strict=True):
+            yield Observation(odp, turned, found, cutting, margin)
 
     def _margin_of(self, frame: OdpFrame, orders: Orders) -> Margin:
         """Margin at the end of a frame; the delay is known only with the spindle, not with any comb."""

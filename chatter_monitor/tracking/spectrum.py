@@ -107,6 +107,12 @@ class Spectrum:
         self._peaks = np.zeros(LINES, np.int64)
         self._measures = np.zeros((LINES, lines.MEASURES))
 
+    @property
+    def cutting(self) -> bool:
+        """Whether the tool is in the cut, as far as is known (`kernels.engagement`)."""
+        frames = int(self._state.counts[lines.FRAMES])
+        return frames == 0 or bool(self._state.cutting[(frames - 1) % len(self._state.cutting)])
+
     def take(self, signal: NDArray[np.float64]) -> list[Line]:
         """Take the samples of the next frame (NaN where they are missing); returns its lines, most prominent first."""
         width = len(self._window)

@@ -103,6 +103,8 @@ class Evidence(NamedTuple):
         What turns with the spindle.
     margin : Margin
         How far the cut is from chatter.
+    cutting : bool
+        The tool is in the cut, as far as is known.
     held : bool
         No sample of the interval could be adapted to: nothing moves.
     starting : bool
@@ -117,6 +119,7 @@ class Evidence(NamedTuple):
     vibrations: tuple[Vibration, ...]
     orders: Orders
     margin: Margin
+    cutting: bool
     held: bool
     starting: bool
     rms: float
@@ -172,6 +175,7 @@ def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
         vibrations=vibrations,
         orders=orders,
         margin=observation.margin,
+        cutting=observation.cutting,
         held=all(counts[HELD] == len(frame) for counts in statuses),
         starting=any(counts[STARTING] for counts in statuses),
         rms=frame.rms / math.sqrt(max(1.0 - orders.synchronous_share, 1e-6)),

@@ -142,6 +142,15 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     return _stable_or_near(evidence, memory, calm * (1.0 - forced), settings)
 
 
+def _quiet(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> str | None:
+    """Why nothing is being cut; None where it is."""
+    if evidence.held:
+        return "nothing moves"
+    if evidence.rms <= settings.idle_ratio * memory.loudest:
+        return "far below the level of cutting"
+    return None if evidence.cutting else "the tool is not in the cut, or enters it"
+
+
 def _forced_by(share: float) -> float:
     """Probability that more than half of the power is forced, by the share that is heard as such."""
     return FORCED_WITH_NONE + (1.0 - FORCED_WITH_NONE) / (1.0 + math.exp((HALF_WAY - share) / SHARE_DOUBT))
@@ -244,9 +253,9 @@ class Judge:
         memory = self._hear(0.0 if deaf else evidence.rms)  # what is not to be trusted sets no level
         if deaf:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
-        elif evidence.held or evidence.rms <= settings.idle_ratio * memory.loudest:
+        elif (quiet := _quiet(evidence, memory, settings)) is not None:
             memory = memory._replace(vibrations=self._following.rest())
-            view = Opinion("idle", 0.95, ("nothing moves" if evidence.held else "far below the level of cutting",))
+            view = Opinion("idle", 0.95, (quiet,))
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         else:

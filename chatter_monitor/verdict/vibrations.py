@@ -18,7 +18,8 @@ from chatter_monitor.kernels import vibrations as kernel
 from chatter_monitor.kernels.kinds import LINE, Kinds
 from chatter_monitor.kernels.vibrations import Odds, Rules
 from chatter_monitor.tracking.orders import Orders
-from chatter_monitor.verdict.evidence import Evidence, Vibration
+from chatter_monitor.tracking.spectrum import Line
+from chatter_monitor.verdict.evidence import LINE_WIDTH_HZ, Evidence, Vibration
 from chatter_monitor.verdict.weights import CALM, GROWTH
 
 # Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
@@ -109,15 +110,30 @@ class Following:
                 alarm_for,
                 None if line == kernel.NO_LINE else heard[line],
             )
-            for frequency_hz, noise, growing, saturated, steady, unexplained, _, _, alarm_for, _, _, line in known
+            for frequency_hz, noise, growing, saturated, steady, unexplained, alarm_for, line, *_ in known
         )
 
 
 def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
     """Prominent lines of an interval as the kernel takes them, shape (vibrations,)."""
-    rows = [(*v.line, v.damping_ratio, order_odds(v, evidence.orders, odds)) for v in evidence.vibrations]
+    rows = [
+        (*v.line, v.damping_ratio, order_odds(v, evidence.orders, odds), left(v.line, evidence))
+        for v in evidence.vibrations
+    ]
     # plain numbers are put into an array several times faster than records
     return np.array(rows, dtype=np.float64).reshape(-1).view(LINE)
+
+
+def left(line: Line, evidence: Evidence) -> float:
+    """Share of the power at a line's frequency that has not been taken out with what turns.
+
+    Beside a strong order something is always left, for it is neither quite steady nor its speed quite known.
+    """
+    orders = evidence.orders
+    here = line.share * evidence.rms**2 * (1.0 - orders.synchronous_share)
+    lines = (*orders.lines, *orders.other_lines)
+    taken = max((o.rms**2 for o in lines if abs(o.frequency_hz - line.frequency_hz) < LINE_WIDTH_HZ), default=0.0)
+    return here / (here + taken) if here > 0.0 else 1.0
 
 
 def order_odds(vibration: Vibration, orders: Orders, odds: Odds) -> float:

@@ -96,21 +96,32 @@ def test_too_few_hops_tell_the_share_only():
 
 
 @pytest.mark.parametrize(("head", "frames"), [(9, 5), (9, 9), (30, 7), (30, 12), (30, 40), (2, 12)])
+@pytest.mark.parametrize("idle", [0.0, 0.5])
 @pytest.mark.parametrize("spread", [0.0, 6.0])
-def test_rise_is_that_of_the_twin(head, frames, spread):
-    """Rise is taken over as many frames as asked for, as have been, and as are kept, silent ones left out."""
+def test_rise_is_that_of_the_twin(head, frames, spread, idle):
+    """Rise is taken over as many frames as asked for, as have been, and as are kept, but for silent and idle ones."""
     rows, b = 12, 20
     rng = np.random.default_rng(7)
     history, loudness = rng.standard_normal((head, BINS)), spread * rng.standard_normal(head)
-    kept, levels = np.zeros((BINS, rows)), np.zeros(rows)
+    in_the_cut = np.append(rng.random(head - 1) > idle, True)
+    kept, levels, cutting = np.zeros((BINS, rows)), np.zeros(rows), np.zeros(rows, bool)
     for index, relief in enumerate(history):
         kept[:, index % rows] = relief
-        levels[index % rows] = loudness[index]
+        levels[index % rows], cutting[index % rows] = loudness[index], in_the_cut[index]
     last = slice(-min(frames, rows), None)
-    expected = naive.rise(history[last], loudness[last], b)
-    assert lines.rise(kept, levels, head, frames, b, np.zeros(rows)) == pytest.approx(expected)
+    expected = naive.rise(history[last], loudness[last], in_the_cut[last], b)
+    assert lines.rise(kept, levels, cutting, head, frames, b, np.zeros(rows)) == pytest.approx(expected)
 
 
 def test_the_first_frame_has_not_risen():
     """There is nothing to have risen from."""
-    assert lines.rise(np.ones((BINS, 12)), np.ones(12), 1, 12, 20, np.zeros(12)) == 0.0
+    assert lines.rise(np.ones((BINS, 12)), np.ones(12), np.ones(12, bool), 1, 12, 20, np.zeros(12)) == 0.0
+
+
+def test_nothing_rises_out_of_the_cut():
+    """While nothing is cut no line has risen, however loud it is against the cut before."""
+    loud = np.ones((BINS, 12))
+    loud[:, 11] = 9.0
+    cutting = np.ones(12, bool)
+    cutting[11] = False
+    assert lines.rise(loud, np.ones(12), cutting, 12, 12, 20, np.zeros(12)) == 0.0

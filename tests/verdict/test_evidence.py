@@ -58,7 +58,7 @@ def orders_of(rotation_hz=None, source=None, share=0.0):
 
 def weigh(frame, orders=None, lines=(), spindle=None):
     """Evidence of a frame by itself."""
-    observation = Observation(frame, orders or orders_of(), tuple(lines), Margin(reason="too little signal yet"))
+    observation = Observation(frame, orders or orders_of(), tuple(lines), True, Margin(reason="too little signal yet"))
     return weigh_observation(observation, spindle or SpindleSettings())
 
 

@@ -48,6 +48,7 @@ def evidence(*vibrations, critical=None, orders=UNKNOWN_SPEED, margin=NO_MARGIN,
         vibrations=vibrations,
         orders=orders,
         margin=margin,
+        cutting=about.get("cutting", True),
         held=about.get("held", False),
         starting=about.get("starting", False),
         rms=rms,
@@ -81,6 +82,7 @@ def states(*intervals, **thresholds):
         (evidence(margin=Margin(margin_percent=9.0, margin_ci95=(4.0, 14.0))), "approaching", "only 9 % more depth"),
         (evidence(margin=Margin(margin_percent=9.0, margin_ci95=(2.0, 16.0))), "stable", "no mode"),
         (evidence(growing(), held=True), "idle", "nothing moves"),
+        (evidence(growing(), cutting=False), "idle", "not in the cut"),
         (evidence(growing(), starting=True), "unknown", "too few samples yet"),
     ],
 )
@@ -233,7 +235,7 @@ def test_what_has_chattered_chatters_again(pause):
     assert states(*ONSET, *[pause] * 1300, *[STAYS] * 60)[-1] == "forced"
 
 
-@pytest.mark.parametrize("after", [SILENCE, evidence(growing(), held=True)])
+@pytest.mark.parametrize("after", [SILENCE, evidence(growing(), held=True), evidence(growing(), cutting=False)])
 def test_idle_ends_the_alarm_at_once(after):
     """When the tool has left the cut there is nothing to alarm about, and the next interval is none."""
     assert states(*ONSET, after, CALM)[-2:] == ["idle", "stable"]
@@ -338,6 +340,7 @@ intervals = st.builds(
     orders=st.sampled_from([UNKNOWN_SPEED, MILL, TURNING]),
     rms=st.sampled_from([0.0, 1e-4, 0.3, 1.0]),
     flags=st.sampled_from(list(Flag)),
+    cutting=st.booleans(),
     held=st.booleans(),
     starting=st.booleans(),
 )

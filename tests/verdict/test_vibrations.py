@@ -27,13 +27,15 @@ def shift(seed, intervals):
     phases = rng.uniform(0.0, 200.0, 4)
     for i in range(intervals):
         rows = []
-        for centre_hz, phase in zip(centres_hz, phases, strict=True):
+        for number, (centre_hz, phase) in enumerate(zip(centres_hz, phases, strict=True)):
             cycle = (i + phase) % 200.0
             if cycle < 150.0:
                 rising = 3.0 if 20.0 < cycle < 60.0 else -1.0 if cycle > 130.0 else 0.0
                 rows.append(
                     (
-                        centre_hz * (1.0 + 0.01 * rng.standard_normal()),
+                        centre_hz * (1.0 + 0.01 * rng.standard_normal())
+                        if number
+                        else centre_hz * np.exp(0.003 * min(cycle, 30.0) + 1e-4 * rng.standard_normal()),
                         rng.uniform(0.1, 0.9),
                         25.0,
                         0.1,
@@ -44,10 +46,11 @@ def shift(seed, intervals):
                         rng.uniform(0.7, 1.0),
                         0.01,
                         rng.normal(0.0, 1.5),
+                        rng.choice((1.0, 0.3)),
                     )
                 )
         for hertz in rng.uniform(50.0, 6000.0, rng.integers(0, 4)):
-            rows.append((hertz, 0.01, 8.0, 0.5, 0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.9), 0.03, -0.7))  # noqa: PERF401
+            rows.append((hertz, 0.01, 8.0, 0.5, 0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.9), 0.03, -0.7, 1.0))  # noqa: PERF401
         yield np.array(rows, LINE)
 
 
@@ -62,7 +65,7 @@ def followed(before, lines):
 def test_following_is_that_of_the_twin(seed):
     """Over a minute of lines that come and go every vibration has the twin's probabilities, alarms and memory."""
     known, twins = np.zeros(0, VIBRATION), []
-    alarms = chattered = forgotten = 0
+    alarms = chattered = forgotten = glided = 0
     for lines in shift(seed, 1200):
         count = len(twins)
         known, twins = followed(known, lines), naive.follow_all(twins, list(lines), RULES, WEIGHTS)
@@ -76,7 +79,8 @@ def test_following_is_that_of_the_twin(seed):
         assert known["missed"].tolist() == [twin.missed for twin in twins]
         alarms += np.sum(known["alarm_for"] == 1)
         chattered += np.sum(known["chattered"] & (known["alarm_for"] == 0))
-    assert min(alarms, chattered, forgotten) > 0  # all of it has been tried
+        glided += np.sum((known["glided"] > 0) & ~known["chattered"])
+    assert min(alarms, chattered, forgotten, glided) > 0  # all of it has been tried
 
 
 @pytest.mark.parametrize(("chattered", "limit"), [(False, FORGOTTEN), (True, FORGOTTEN_CHATTER)])
@@ -90,11 +94,13 @@ def test_what_is_not_heard_is_forgotten(chattered, limit):
     assert not len(followed(known, np.empty(0, LINE)))
 
 
-def interval(*frequencies_hz):
-    lines = [Line(hertz, 0.9, 35.0, 0.7, 60.0, 2.3, 3.0, 3.0, 0.99) for hertz in frequencies_hz]
-    vibrations = tuple(Vibration(line, None) for line in lines)
+def interval(*frequencies_hz, rising=True):
+    behaviour = (0.7, 60.0, 2.3, 3.0, 3.0) if rising else (0.02, 0.0, 0.0, 0.0, 0.0)
+    vibrations = tuple(Vibration(Line(hertz, 0.9, 35.0, *behaviour, 0.99), None) for hertz in frequencies_hz)
     orders = Orders(0, None, None, None, 0.0)
-    return Evidence(None, vibrations, orders, Margin(), held=False, starting=False, rms=1.0, flags=Flag.NONE)
+    return Evidence(
+        None, vibrations, orders, Margin(), cutting=True, held=False, starting=False, rms=1.0, flags=Flag.NONE
+    )
 
 
 def test_each_is_told_with_the_line_that_is_its_own():
@@ -105,6 +111,20 @@ def test_each_is_told_with_the_line_that_is_its_own():
     assert {hertz: heard and heard.line.frequency_hz for hertz, heard in told.items()} == {
         2010: 2010.0, 505: 505.0, 1000: None,
     }  # fmt: skip
+
+
+def test_what_follows_a_change_of_speed_is_forced():
+    """A line that rises is an alarm; not one whose frequency has glided with the spindle, even if it does no more."""
+
+    def alarms(glide):
+        following, result = Following(), []
+        for i in range(80):
+            heard = interval(1000.0 * np.exp(glide * min(i, 30)), rising=i >= 20)
+            result.append(bool(following.follow(heard, RULES)[0].alarm_for))
+        return result
+
+    assert all(alarms(0.0)[40:])
+    assert not any(alarms(0.002))
 
 
 def test_at_rest_only_chatter_is_remembered():

@@ -1,0 +1,88 @@
+"""Whether the tool is in the cut, from how loud it is between the lines.
+
+The mean logarithm of the power of all bins minds no line, however strong: it is the level of the noise, that of cutting
+or that of the room. When the tool leaves the cut it falls at once, and the whole becomes quieter; as long as both stay
+so, nothing is being cut. What it falls to next time is learned anew, for a room changes. As long as nothing has fallen
+the tool is taken to be in the cut: who does not know misses nothing. When the room itself gets louder it is taken to be
+in the cut, too; but what begins at once where all was faint against the cut before is the tool that enters.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels.median import median
+from chatter_monitor.kernels.options import OPTIONS
+
+DECIBEL = math.log(10.0) / 10.0
+# The level falls by so much when the tool leaves the cut, and the whole signal too.
+FALL = 8.0 * DECIBEL
+# Far below the power of the cut before: nothing may be cut there, or little.
+FAINT = 20.0 * DECIBEL
+# How near to the level of the air it is air, and how quickly that is followed, in a frame.
+NEAR, FOLLOWING = 4.0 * DECIBEL, 0.02
+# Frames that a fall may take, and frames before it that it is measured from.
+FALLING, BEFORE = 4, 16
+# The tool has entered when the level has not risen by so much in so many frames; it takes a second at most.
+STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
+
+# Indices of what is known of the air: its level, the logarithm of the power that it does not reach, that of the cut
+# before it, and frames since it ended.
+LEVEL, LIMIT, CUT, SINCE = range(4)
+
+
+def new_air():
+    """Nothing is known of it; the tool is in the cut."""
+    return np.array([-math.inf, -math.inf, -math.inf, LONGEST])
+
+
+@njit(**OPTIONS)
+def engaged(levels, powers, cutting, head, air, scratch):
+    """Whether the tool is in the cut and has been for a moment.
+
+    Parameters
+    ----------
+    levels, powers : ndarray, shape (frames,)
+        Rings: mean over the bins of the logarithm of their power, and logarithm of the whole power, in each frame.
+    cutting : ndarray of bool, shape (frames,)
+        What was told of each frame before.
+    head : int
+        Column after the newest, counted from the start without wrapping.
+    air : ndarray of float64, shape (4,)
+        What is known of the air, changed in place.
+    scratch : ndarray, shape (>= BEFORE,)
+        Work space.
+    """
+    columns = levels.shape[0]
+    newest = (head - 1) % columns
+    level, power = levels[newest], powers[newest]
+    out = level <= air[LEVEL] + NEAR and power <= air[LIMIT]
+    if out:
+        air[LEVEL] += (level - air[LEVEL]) * (1.0 if level < air[LEVEL] else FOLLOWING)
+    elif head >= FALLING + BEFORE:
+        last, then = (head - 2) % columns, (head - 1 - FALLING) % columns
+        level_before, power_before = _before(levels, head, scratch), _before(powers, head, scratch)
+        if max(level, levels[last]) <= level_before - FALL:
+            out = True
+            air[LEVEL], air[LIMIT], air[CUT] = level, max(power_before - FALL, power + NEAR), power_before
+        elif air[SINCE] >= LONGEST and power_before <= air[CUT] - FAINT:
+            out = min(level - levels[then], power - powers[then]) >= FALL
+    if out:
+        air[SINCE] = 0.0
+        cutting[:] = False  # what comes next does not rise from what was before
+        return False
+    if air[SINCE] < LONGEST:
+        air[SINCE] += 1.0
+        rises = level - levels[(head - 1 - ENTERING) % columns] > STILL
+        if air[SINCE] > ENTERING and not rises:
+            air[SINCE] = LONGEST
+    return bool(air[SINCE] >= LONGEST)
+
+
+@njit(**OPTIONS)
+def _before(values, head, scratch):
+    """Median of the frames before a fall."""
+    for i in range(BEFORE):
+        scratch[i] = values[(head - 1 - FALLING - i) % values.shape[0]]
+    return median(scratch[:BEFORE])

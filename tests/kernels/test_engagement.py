@@ -1,0 +1,102 @@
+"""In the cut or in the air, by the level between the lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from chatter_monitor.kernels import engagement
+from chatter_monitor.kernels.engagement import DECIBEL
+
+CUT, AIR = -20.0, -40.0  # dB
+LOUD = 10.0  # how much more the whole power of a cut is than its level
+
+
+def told(*stretches, columns=160, seed=1):
+    """Whether the tool is in the cut, frame by frame, for stretches of (frames, level, power) in dB."""
+    rng = np.random.default_rng(seed)
+    levels, powers, cutting = np.zeros(columns), np.zeros(columns), np.zeros(columns, bool)
+    air, result = engagement.new_air(), []
+    for frames, level, power in stretches:
+        for _ in range(frames):
+            column = len(result) % columns
+            levels[column] = DECIBEL * (level + 0.3 * rng.standard_normal())
+            powers[column] = DECIBEL * (power + 0.3 * rng.standard_normal())
+            head = len(result) + 1
+            cutting[column] = engagement.engaged(levels, powers, cutting, head, air, np.zeros(columns))
+            result.append(bool(cutting[column]))
+    return result
+
+
+def cut(frames, level=CUT):
+    return frames, level, level + LOUD
+
+
+def room(frames, level=AIR, tone=-100.0):
+    return frames, level, max(level, tone)
+
+
+def test_the_tool_is_in_the_cut_until_something_falls():
+    """Without a fall nothing is known of the air: who begins to listen in the cut, or in the air, misses nothing."""
+    assert all(told(cut(100)))
+    assert all(told(room(100)))
+
+
+@pytest.mark.parametrize("tone", [-100.0, CUT + LOUD])
+def test_a_fall_to_the_room_is_the_air(tone):
+    """The tool has left the cut when the level falls, within two frames, though a pump goes on as loud as the cut."""
+    after = told(cut(60), room(200, tone=tone))[60:]
+    assert sum(after) <= 2
+    assert not any(after[2:])
+
+
+@pytest.mark.parametrize("rise", [5.0, 10.0, 40.0])
+def test_what_rises_from_the_air_is_a_tool_that_enters(rise):
+    """The tool is in the cut again a moment after the level has left that of the air, and stays in it."""
+    after = told(cut(60), room(60), cut(60, AIR + rise))[120:]
+    assert not any(after[:3])
+    assert all(after[4:])
+
+
+def test_a_tool_that_enters_slowly_is_in_the_cut_when_the_level_stays():
+    """As long as it gets louder it enters, but not longer than a second."""
+    slowly = [cut(1, AIR + step) for step in range(5, 21)]
+    after = told(cut(60), room(60), *slowly, cut(60))[120:]
+    assert not any(after[:16])
+    assert all(after[22:])
+    endless = [cut(1, AIR + step) for step in range(5, 60)]
+    assert all(told(cut(60), room(60), *endless)[120 + engagement.LONGEST + 1 :])
+
+
+def test_a_blow_is_no_cut():
+    """After a blow in the air it is the air again at once."""
+    after = told(cut(60), room(60), cut(2), room(60))[120:]
+    assert not any(after)
+
+
+def test_the_air_is_learned_anew():
+    """Another room is known when the tool has left its cut once; a drift is followed."""
+    louder = AIR + 10.0
+    passes = [cut(60), room(60), room(60, louder), cut(60), room(60, louder)]
+    assert all(told(*passes)[130:180])  # not known yet
+    assert not any(told(*passes)[242:])
+    drifting = [room(20, AIR + 0.5 * step) for step in range(20)]
+    assert not any(told(cut(60), *drifting)[62:])
+
+
+def test_a_depth_that_shrinks_is_no_air():
+    """A level that falls by less, or slowly, is that of a lighter cut."""
+    assert all(told(cut(60), cut(60, CUT - 6.0)))
+    assert all(told(cut(60), *[cut(4, CUT - step) for step in range(20)]))
+
+
+def test_a_vibration_that_grows_in_a_quiet_cut_ends_the_air():
+    """What gets as loud as the cut was is none of the air, even if the level between the lines stays."""
+    assert told(cut(60), room(60), room(60, tone=CUT + LOUD))[-1]
+
+
+def test_what_begins_at_once_where_all_was_faint_is_a_tool_that_enters():
+    """In a room that got louder, and still is far below the cut before, nothing has risen when the next cut begins."""
+    after = told(cut(60), room(60), room(60, AIR + 8.0), cut(60))[180:]
+    assert not any(after[:3])
+    assert all(after[9:])
