@@ -7,7 +7,8 @@ blows, pumps and levels are drawn afresh all day long. With the standard library
 Jobs have a cutter, a speed and a few dozen passes. A new speed is announced to the monitor in seven jobs of ten; in the
 others it goes on believing the old one.
 
-Run: python -m benchmarks.verdict.shift [--hours 8] [--seed 1] [--speed known|unknown] [--cache DIR]
+Run: python -m benchmarks.verdict.shift [--hours 8] [--seed 1] [--speed known|unknown] [--split report|development]
+    [--cache DIR]
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from scipy.signal import lfilter
 
 from benchmarks.verdict.cache import cached_cuts
 from benchmarks.verdict.cut import INTERVAL_S, RATE_HZ, Cut, Label
+from benchmarks.verdict.generator import Split
 from benchmarks.verdict.labels import SETTLING_S
 from benchmarks.verdict.monitor import Passage, watch
 
@@ -52,10 +54,10 @@ class Room:
     pump: float
 
 
-def library(size: int, cache: Path | None) -> list[Cut]:
-    """Return stable cuts of the development split, of all families but those of the room: it has tones of its own."""
+def library(size: int, cache: Path | None, split: Split = "development") -> list[Cut]:
+    """Return stable cuts of a split, of all families but those of the room: it has tones of its own."""
     # a third of the families turns to chatter
-    stable = (cut for cut in cached_cuts("development", 4 * size, cache) if _is_stable(cut))
+    stable = (cut for cut in cached_cuts(split, 4 * size, cache) if _is_stable(cut))
     return list(islice(stable, size))
 
 
@@ -137,9 +139,10 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=8.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--speed", choices=("known", "unknown"), default="known", help="whether speeds are announced")
+    parser.add_argument("--split", choices=("development", "report"), default="report", help="whose cuts")
     parser.add_argument("--cache", type=Path, help="directory to keep generated cuts in")
     chosen = parser.parse_args()
-    cuts = library(LIBRARY, chosen.cache)
+    cuts = library(LIBRARY, chosen.cache, chosen.split)
     seconds = 3600.0 * chosen.hours
     alarms: Counter[str] = Counter()
     states: Counter[str] = Counter()
