@@ -53,6 +53,28 @@ def test_a_mode_that_noise_drives_loses_coherence_as_its_damping_says():
     assert np.median([line.frequency_hz for line in seen]) == pytest.approx(frequency_hz, abs=5.0)
 
 
+@pytest.mark.parametrize("frequency_hz", [62.0, 80.0, 104.4, 112.5, 137.5, 990.3, 4003.1])
+def test_the_frequency_of_a_tone_comes_from_its_phase(frequency_hz):
+    """At any frequency, low ones too, which lie in their own mirror image, a tone at 20 dB is found within 0.1 Hz."""
+    t = times(2.0)
+    found = frames(np.sin(2 * np.pi * frequency_hz * t) + noise(len(t), 0.07))[20:]
+    assert max(abs(lines[0].frequency_hz - frequency_hz) for lines in found) < 0.1
+
+
+def test_a_tone_that_comes_with_the_tool_has_not_risen():
+    """After a cut, what is there as soon as the tool enters the next one has not risen; what grows then has."""
+    t = times(8.0)
+    cut = ((t < 2.0) | (t > 4.0)) * 1.0
+    tone = np.where(t > 4.0, np.exp(4.0 * np.clip(t - 6.0, 0.0, 0.5)), 0.0) * np.sin(2 * np.pi * 700.0 * t)
+    signal = noise(len(t), 1e-3) + cut * noise(len(t), 0.1, seed=2) + tone
+    rises = [
+        max(line.absolute_rise for line in lines if abs(line.frequency_hz - 700.0) < 5.0)
+        for lines in frames(signal)[84:]
+    ]
+    assert max(rises[: round(1.9 * 20)]) < 0.3
+    assert max(rises) > 1.5
+
+
 @pytest.mark.parametrize(
     ("tone", "least", "most"), [(0.0, 0.0, 0.2), (1.0, 0.2, 0.4), (3.0, 0.7, 0.9), (8.0, 0.95, 1.0)]
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -9,10 +11,10 @@ from chatter_monitor.kernels.kinds import LINE
 from chatter_monitor.kernels.vibrations import FORGOTTEN, FORGOTTEN_CHATTER, VIBRATION, Rules, follow_all
 from chatter_monitor.records import Flag
 from chatter_monitor.tracking.margin import Margin
-from chatter_monitor.tracking.orders import Orders
+from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict.evidence import Evidence, Vibration
-from chatter_monitor.verdict.vibrations import Following
+from chatter_monitor.verdict.vibrations import Following, left
 from tests import naive
 
 RULES = Rules(alarm_probability=0.8, calm_probability=0.5)
@@ -125,6 +127,16 @@ def test_what_follows_a_change_of_speed_is_forced():
 
     assert all(alarms(0.0)[40:])
     assert not any(alarms(0.002))
+
+
+@pytest.mark.parametrize(
+    ("taken", "away_hz", "share"), [(0.0, 0.0, 1.0), (1.0, 5.0, 0.5), (2.0, 20.0, 0.2), (2.0, 40.0, 1.0)]
+)
+def test_what_is_left_beside_an_order_is_a_share_of_what_was_there(taken, away_hz, share):
+    """Beside an order, the power of a line counts over that and what has been taken out there; farther off all of it."""
+    heard = interval(1000.0)
+    orders = Orders(0, 50.0, 0.01, "refined", 0.0, (OrderLine(20, 1000.0 + away_hz, taken * math.sqrt(0.9)),))
+    assert left(heard.vibrations[0].line, heard._replace(orders=orders)) == pytest.approx(share)
 
 
 def test_at_rest_only_chatter_is_remembered():
