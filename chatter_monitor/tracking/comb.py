@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 from scipy.special import gammaln
 
 from chatter_monitor.kernels import comb as kernel
@@ -117,22 +116,18 @@ class Spectrum:
 
     def __init__(self, samples: int, sample_rate_hz: float, lowest_hz: float) -> None:
         self._window = np.hanning(samples)
-        size = 1 << (samples - 1).bit_length()
-        self._windowed = np.zeros(size)  # zeros remain behind the stretch
-        self._power, self._square = np.empty((2, size // 2))
-        self._bin_hz = sample_rate_hz / size
+        self._size = 1 << (samples - 1).bit_length()
+        self._bin_hz = sample_rate_hz / self._size
         self._lowest_hz = lowest_hz
         self._exact_hz = EXACT_BINS * sample_rate_hz / samples
         self._scratch = np.empty(kernel.FLOOR_BINS // 2)
-        self._peaks = np.empty(size // 2, np.int64)
+        self._peaks = np.empty(self._size // 2, np.int64)
         self._kept = np.empty(STRONGEST, np.int64)
 
     def lines(self, samples: NDArray[np.float64]) -> Lines:
         """The strongest lines that stand out of the noise around them."""
-        np.multiply(samples, self._window, out=self._windowed[: len(samples)])
-        spectrum = fft.rfft(self._windowed)[:-1]
-        power = np.square(spectrum.real, out=self._power)
-        power += np.square(spectrum.imag, out=self._square)
+        spectrum = np.fft.rfft(samples * self._window, self._size)[:-1]
+        power = spectrum.real**2 + spectrum.imag**2
         lowest = math.ceil(self._lowest_hz / self._bin_hz)
         peaks = self._peaks[: kernel.crests(power, LINE_TO_NOISE, lowest, self._scratch, self._peaks)]
         peaks = peaks[power[peaks] >= FAINTEST * power[peaks].max(initial=0.0)]
