@@ -133,7 +133,7 @@ def test_what_follows_a_change_of_speed_is_forced():
     ("taken", "away_hz", "share"), [(0.0, 0.0, 1.0), (1.0, 5.0, 0.5), (2.0, 20.0, 0.2), (2.0, 40.0, 1.0)]
 )
 def test_what_is_left_beside_an_order_is_a_share_of_what_was_there(taken, away_hz, share):
-    """Beside an order, the power of a line counts over that and what has been taken out there; farther off all of it."""
+    """Beside an order, the power of a line counts over that and what was taken out there; farther off all of it."""
     heard = interval(1000.0)
     orders = Orders(0, 50.0, 0.01, "refined", 0.0, (OrderLine(20, 1000.0 + away_hz, taken * math.sqrt(0.9)),))
     assert left(heard.vibrations[0].line, heard._replace(orders=orders)) == pytest.approx(share)
