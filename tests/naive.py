@@ -139,13 +139,19 @@ def growth(amplitudes: NDArray[np.complex128]) -> float:
     return float(linregress(np.arange(len(amplitudes)), np.log(abs(amplitudes))).slope)
 
 
-def rise(reliefs: NDArray[np.float64], levels: NDArray[np.float64], cutting: NDArray[np.bool_], b: int) -> float:
+def rise(
+    reliefs: NDArray[np.float64], levels: NDArray[np.float64], cutting: NDArray[np.bool_], since: int, b: int
+) -> float:
     """Logarithm of the newest amplitude of a line (oldest row first) over its upper median, by its prominence.
 
     Rows in which nothing was cut, and whose level (logarithm of the power) is 25 dB below the newest, do not count.
+    It is the smaller of the rise above the rows since the tool entered, and above all.
     """
-    heights = reliefs[cutting & (levels > levels[-1] - 5.8), b - 1 : b + 2].max(axis=1)
-    return float(0.5 * (heights[-1] - np.sort(heights)[len(heights) // 2]))
+    heights = reliefs[:, b - 1 : b + 2].max(axis=1)
+    counts = cutting & (levels > levels[-1] - 5.8)
+    last = np.arange(len(heights)) >= len(heights) - since
+    usual = [np.sort(heights[some])[np.sum(some) // 2] for some in (counts, counts & last)]
+    return float(0.5 * (heights[-1] - max(usual)))
 
 
 @dataclass

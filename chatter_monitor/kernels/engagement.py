@@ -28,28 +28,26 @@ FALLING, BEFORE = 4, 16
 STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 
 # Indices of what is known of the air: its level, the logarithm of the power that it does not reach, that of the cut
-# before it, and frames since it ended.
-LEVEL, LIMIT, CUT, SINCE = range(4)
+# before it, and frames since it ended, those in which the tool enters and all.
+LEVEL, LIMIT, CUT, ENTERED, SINCE = range(5)
 
 
 def new_air():
     """Nothing is known of it; the tool is in the cut."""
-    return np.array([-math.inf, -math.inf, -math.inf, LONGEST])
+    return np.array([-math.inf, -math.inf, -math.inf, LONGEST, math.inf])
 
 
 @njit(**OPTIONS)
-def engaged(levels, powers, cutting, head, air, scratch):
+def engaged(levels, powers, head, air, scratch):
     """Whether the tool is in the cut and has been for a moment.
 
     Parameters
     ----------
     levels, powers : ndarray, shape (frames,)
         Rings: mean over the bins of the logarithm of their power, and logarithm of the whole power, in each frame.
-    cutting : ndarray of bool, shape (frames,)
-        What was told of each frame before.
     head : int
         Column after the newest, counted from the start without wrapping.
-    air : ndarray of float64, shape (4,)
+    air : ndarray of float64, shape (5,)
         What is known of the air, changed in place.
     scratch : ndarray, shape (>= BEFORE,)
         Work space.
@@ -66,18 +64,18 @@ def engaged(levels, powers, cutting, head, air, scratch):
         if max(level, levels[last]) <= level_before - FALL:
             out = True
             air[LEVEL], air[LIMIT], air[CUT] = level, max(power_before - FALL, power + NEAR), power_before
-        elif air[SINCE] >= LONGEST and power_before <= air[CUT] - FAINT:
+        elif air[ENTERED] >= LONGEST and power_before <= air[CUT] - FAINT:
             out = min(level - levels[then], power - powers[then]) >= FALL
     if out:
-        air[SINCE] = 0.0
-        cutting[:] = False  # what comes next does not rise from what was before
+        air[ENTERED] = air[SINCE] = 0.0
         return False
-    if air[SINCE] < LONGEST:
-        air[SINCE] += 1.0
+    air[SINCE] += 1.0
+    if air[ENTERED] < LONGEST:
+        air[ENTERED] += 1.0
         rises = level - levels[(head - 1 - ENTERING) % columns] > STILL
-        if air[SINCE] > ENTERING and not rises:
-            air[SINCE] = LONGEST
-    return bool(air[SINCE] >= LONGEST)
+        if air[ENTERED] > ENTERING and not rises:
+            air[ENTERED] = LONGEST
+    return bool(air[ENTERED] >= LONGEST)
 
 
 @njit(**OPTIONS)

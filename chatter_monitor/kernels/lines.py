@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from chatter_monitor.kernels.engagement import engaged, new_air
+from chatter_monitor.kernels.engagement import SINCE, engaged, new_air
 from chatter_monitor.kernels.median import median
 from chatter_monitor.kernels.options import OPTIONS
 
@@ -65,7 +65,7 @@ class LineState(NamedTuple):
         Mean over the bins of the logarithm of the power in each frame, and logarithm of the whole power.
     cutting : ndarray of bool, shape (frames,)
         Whether the tool was in the cut in each frame.
-    air : ndarray of float64, shape (4,)
+    air : ndarray of float64, shape (5,)
         What is known of the air (`kernels.engagement`).
     counts : ndarray of int64, shape (2,)
     sums : ndarray of float64, shape (bins + 1,)
@@ -171,20 +171,23 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
     for b in range(lowest, bins):
         total += power[b]
     state.totals[column] = math.log(total + TINY)
-    state.cutting[column] = engaged(state.levels, state.totals, state.cutting, counts[FRAMES], state.air, state.scratch)
+    state.cutting[column] = engaged(state.levels, state.totals, counts[FRAMES], state.air, state.scratch)
     for b in range(relief.shape[0]):
         reliefs[b, column] = relief[b]
         state.powers[b, column] = state.sums[b + 1] - state.sums[b]
     count = most_prominent(relief, lowest, peaks)
     recent = state.valid.shape[0] // FRAME_HOPS
+    since = state.air[SINCE]
     for i in range(count):
         b, out = peaks[i], measures[i]
         describe(spectra, state.valid, counts[TAKEN], power, lowest, b, state.scratch, out)
         out[BIN] = b + beat(spectra[b], state.valid, counts[TAKEN], state.turns.shape[0] / hop, crest(power, b))
         out[PROMINENCE] = relief[b]
-        out[RISE] = rise(reliefs, state.levels, state.cutting, counts[FRAMES], recent, b, state.scratch)
-        out[LONG_RISE] = rise(reliefs, state.levels, state.cutting, counts[FRAMES], frames, b, state.scratch)
-        out[ABSOLUTE_RISE] = rise(state.powers, state.levels, state.cutting, counts[FRAMES], frames, b, state.scratch)
+        out[RISE] = rise(reliefs, state.levels, state.cutting, since, counts[FRAMES], recent, b, state.scratch)
+        out[LONG_RISE] = rise(reliefs, state.levels, state.cutting, since, counts[FRAMES], frames, b, state.scratch)
+        out[ABSOLUTE_RISE] = rise(
+            state.powers, state.levels, state.cutting, since, counts[FRAMES], frames, b, state.scratch
+        )
     return count
 
 
@@ -358,11 +361,11 @@ def describe(spectra, valid, head, power, lowest, b, scratch, out):
 
 
 @njit(**OPTIONS)
-def rise(heights, levels, cutting, head, frames, b, scratch):
+def rise(heights, levels, cutting, since, head, frames, b, scratch):
     """Half the height of a bin, less its median over the last frames: growth, of prominences that which is not shared.
 
     Frames in which nothing was cut, or in which there was next to silence, do not count: what begins has not risen from
-    them.
+    them. What has grown has risen above what it was since the tool entered, and above what it was in the cuts before.
 
     Parameters
     ----------
@@ -372,6 +375,8 @@ def rise(heights, levels, cutting, head, frames, b, scratch):
         Mean logarithm of the power in each of these frames.
     cutting : ndarray of bool, shape (columns,)
         Whether the tool was in the cut.
+    since : float
+        Frames since nothing was cut.
     head : int
         Column after the newest, counted from the start without wrapping.
     frames : int
@@ -387,14 +392,18 @@ def rise(heights, levels, cutting, head, frames, b, scratch):
     if not cutting[newest]:
         return 0.0
     silence = levels[newest] - SILENCE
-    count = 0
-    for _ in range(min(frames, head, columns)):
+    count = here = 0
+    for back in range(min(frames, head, columns)):
         column = _before(column, columns)
         if cutting[column] and levels[column] > silence:
             scratch[count] = max(heights[b - 1, column], heights[b, column], heights[b + 1, column])
             count += 1
+            here += back < since
     height = scratch[0]
-    return 0.5 * (height - median(scratch[:count]))
+    usual = median(scratch[:here])
+    if here < count:
+        usual = max(usual, median(scratch[:count]))
+    return 0.5 * (height - usual)
 
 
 @njit(**OPTIONS)

@@ -23,7 +23,7 @@ def told(*stretches, columns=160, seed=1):
             levels[column] = DECIBEL * (level + 0.3 * rng.standard_normal())
             powers[column] = DECIBEL * (power + 0.3 * rng.standard_normal())
             head = len(result) + 1
-            cutting[column] = engagement.engaged(levels, powers, cutting, head, air, np.zeros(columns))
+            cutting[column] = engagement.engaged(levels, powers, head, air, np.zeros(columns))
             result.append(bool(cutting[column]))
     return result
 

@@ -96,9 +96,9 @@ def test_too_few_hops_tell_the_share_only():
 
 
 @pytest.mark.parametrize(("head", "frames"), [(9, 5), (9, 9), (30, 7), (30, 12), (30, 40), (2, 12)])
-@pytest.mark.parametrize("idle", [0.0, 0.5])
+@pytest.mark.parametrize(("idle", "since"), [(0.0, 99), (0.5, 99), (0.5, 4)])
 @pytest.mark.parametrize("spread", [0.0, 6.0])
-def test_rise_is_that_of_the_twin(head, frames, spread, idle):
+def test_rise_is_that_of_the_twin(head, frames, spread, idle, since):
     """Rise is taken over as many frames as asked for, as have been, and as are kept, but for silent and idle ones."""
     rows, b = 12, 20
     rng = np.random.default_rng(7)
@@ -109,13 +109,13 @@ def test_rise_is_that_of_the_twin(head, frames, spread, idle):
         kept[:, index % rows] = relief
         levels[index % rows], cutting[index % rows] = loudness[index], in_the_cut[index]
     last = slice(-min(frames, rows), None)
-    expected = naive.rise(history[last], loudness[last], in_the_cut[last], b)
-    assert lines.rise(kept, levels, cutting, head, frames, b, np.zeros(rows)) == pytest.approx(expected)
+    expected = naive.rise(history[last], loudness[last], in_the_cut[last], since, b)
+    assert lines.rise(kept, levels, cutting, since, head, frames, b, np.zeros(rows)) == pytest.approx(expected)
 
 
 def test_the_first_frame_has_not_risen():
     """There is nothing to have risen from."""
-    assert lines.rise(np.ones((BINS, 12)), np.ones(12), np.ones(12, bool), 1, 12, 20, np.zeros(12)) == 0.0
+    assert lines.rise(np.ones((BINS, 12)), np.ones(12), np.ones(12, bool), np.inf, 1, 12, 20, np.zeros(12)) == 0.0
 
 
 def test_nothing_rises_out_of_the_cut():
@@ -124,4 +124,4 @@ def test_nothing_rises_out_of_the_cut():
     loud[:, 11] = 9.0
     cutting = np.ones(12, bool)
     cutting[11] = False
-    assert lines.rise(loud, np.ones(12), cutting, 12, 12, 20, np.zeros(12)) == 0.0
+    assert lines.rise(loud, np.ones(12), cutting, np.inf, 12, 12, 20, np.zeros(12)) == 0.0
