@@ -4,7 +4,7 @@ The mean logarithm of the power of all bins minds no line, however strong: it is
 or that of the room. When the tool leaves the cut it falls at once, and the whole becomes quieter; as long as both stay
 so, nothing is being cut. What it falls to next time is learned anew, for a room changes. As long as nothing has fallen
 the tool is taken to be in the cut: who does not know misses nothing. When the room itself gets louder it is taken to be
-in the cut, too; but what begins at once where all was faint against the cut before is the tool that enters.
+in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters.
 """
 
 import math
@@ -16,10 +16,8 @@ from chatter_monitor.kernels.median import median
 from chatter_monitor.kernels.options import OPTIONS
 
 DECIBEL = math.log(10.0) / 10.0
-# The level falls by so much when the tool leaves the cut, and the whole signal too.
+# The level falls by so much when the tool leaves the cut; the whole signal does, too, or is a tone that goes on.
 FALL = 8.0 * DECIBEL
-# Far below the power of the cut before: nothing may be cut there, or little.
-FAINT = 20.0 * DECIBEL
 # How near to the level of the air it is air, and how quickly that is followed, in a frame.
 NEAR, FOLLOWING = 4.0 * DECIBEL, 0.02
 # Frames that a fall may take, and frames before it that it is measured from.
@@ -64,7 +62,7 @@ def engaged(levels, powers, head, air, scratch):
         if max(level, levels[last]) <= level_before - FALL:
             out = True
             air[LEVEL], air[LIMIT], air[CUT] = level, max(power_before - FALL, power + NEAR), power_before
-        elif air[ENTERED] >= LONGEST and power_before <= air[CUT] - FAINT:
+        elif air[ENTERED] >= LONGEST and power_before <= air[CUT] - FALL:
             out = min(level - levels[then], power - powers[then]) >= FALL
     if out:
         air[ENTERED] = air[SINCE] = 0.0
