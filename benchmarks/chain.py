@@ -108,7 +108,7 @@ def by_stage(watch: Stopwatch, samples: Samples, spindle: SpindleSettings) -> li
     tracking = Tracker(TrackerSettings())
     frames = watch.time("recursions", lambda: [frame for block in rest for frame in tracking.process(*block)])
     spectrum = Spectrum(RATE_HZ, round(INTERVAL_S * RATE_HZ))
-    lines = watch.time("lines", lambda: [tuple(spectrum.take(frame.signal)) for frame in frames])
+    lines = watch.time("lines", lambda: [(tuple(spectrum.take(f.signal)), spectrum.cutting) for f in frames])
     margins = MarginTracker(MarginSettings(), RATE_HZ, spindle.teeth)
     known = spindle.speed_rpm is not None
 
@@ -117,8 +117,8 @@ def by_stage(watch: Stopwatch, samples: Samples, spindle: SpindleSettings) -> li
 
     found = watch.time("margin", lambda: [margin_of(f.signal, o) for f, o in zip(frames, turned, strict=True)])
     seen = [
-        Observation(frame, order, line, True, margin[-1])  # type: ignore[arg-type]
-        for frame, order, line, margin in zip(frames, turned, lines, found, strict=True)
+        Observation(frame, order, line, cutting, margin[-1])  # type: ignore[arg-type]
+        for frame, order, (line, cutting), margin in zip(frames, turned, lines, found, strict=True)
     ]
     return watch.time("verdict", lambda: judge(seen, spindle))
 

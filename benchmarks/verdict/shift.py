@@ -57,13 +57,11 @@ class Room:
 def library(size: int, cache: Path | None, split: Split = "development") -> list[Cut]:
     """Return stable cuts of a split, of all families but those of the room: it has tones of its own."""
     # a third of the families turns to chatter
-    stable = (cut for cut in cached_cuts(split, 4 * size, cache) if _is_stable(cut))
+    stable = (cut for cut in cached_cuts(split, 4 * size, cache) if cut.family not in TONES and _is_stable(cut))
     return list(islice(stable, size))
 
 
 def _is_stable(cut: Cut) -> bool:
-    if cut.family in TONES:
-        return False
     return bool((cut.truth.damping_ratio > 0).all()) and not (cut.truth.label == Label.SELF_EXCITED).any()
 
 

@@ -180,7 +180,7 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
     since = state.air[SINCE]
     for i in range(count):
         b, out = peaks[i], measures[i]
-        describe(spectra, state.valid, counts[TAKEN], power, lowest, b, state.scratch, out)
+        describe(spectra, state.valid, counts[TAKEN], power, total, b, state.scratch, out)
         out[BIN] = b + beat(spectra[b], state.valid, counts[TAKEN], state.turns.shape[0] / hop, crest(power, b))
         out[PROMINENCE] = relief[b]
         out[RISE] = rise(reliefs, state.levels, state.cutting, since, counts[FRAMES], recent, b, state.scratch)
@@ -311,7 +311,7 @@ def beat(amplitudes, valid, head, turn, otherwise):
 
 
 @njit(**OPTIONS)
-def describe(spectra, valid, head, power, lowest, b, scratch, out):
+def describe(spectra, valid, head, power, total, b, scratch, out):
     """Share, variation, growth and coherence of the line at bin ``b``: ``out`` at these indices.
 
     Parameters
@@ -324,8 +324,8 @@ def describe(spectra, valid, head, power, lowest, b, scratch, out):
         Column after the newest, with or without wrapping.
     power : ndarray, shape (bins,)
         Recent power of each bin (`recent_power`).
-    lowest : int
-        First bin that counts as vibration.
+    total : float
+        Power of all bins that count as vibration.
     b : int
         The line.
     scratch : ndarray, shape (>= hops,)
@@ -335,9 +335,6 @@ def describe(spectra, valid, head, power, lowest, b, scratch, out):
     """
     size = valid.shape[0]
     out[SHARE : COHERENCE + 1] = 0.0
-    total = 0.0
-    for i in range(lowest, power.shape[0]):
-        total += power[i]
     if not total > 0.0:
         return
     out[SHARE] = min(line_power(power, b) / total, 1.0)

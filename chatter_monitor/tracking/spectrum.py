@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels import lines
+from chatter_monitor.kernels.engagement import ENTERED, LONGEST
 from chatter_monitor.kernels.kinds import COHERENCE_LAG_S, coherence_damping
 from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
 
@@ -110,8 +111,7 @@ class Spectrum:
     @property
     def cutting(self) -> bool:
         """Whether the tool is in the cut, as far as is known (`kernels.engagement`)."""
-        frames = int(self._state.counts[lines.FRAMES])
-        return frames == 0 or bool(self._state.cutting[(frames - 1) % len(self._state.cutting)])
+        return bool(self._state.air[ENTERED] >= LONGEST)
 
     def take(self, signal: NDArray[np.float64]) -> list[Line]:
         """Take the samples of the next frame (NaN where they are missing); returns its lines, most prominent first."""

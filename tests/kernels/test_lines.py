@@ -23,7 +23,7 @@ def ring(seed: int, missing: tuple[int, ...] = ()):
 
 def describe(transforms, power, b):
     out = np.full(lines.MEASURES, np.nan)
-    lines.describe(*transforms, power, LOWEST, b, np.zeros(HOPS), out)
+    lines.describe(*transforms, power, float(np.sum(power[LOWEST:])), b, np.zeros(HOPS), out)
     return out
 
 
