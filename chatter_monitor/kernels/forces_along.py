@@ -21,6 +21,7 @@ from chatter_monitor.kernels.observer import (
     SMOOTH,
     SUBSTEPS,
     about,
+    node_of,
     on_step,
 )
 from chatter_monitor.kernels.options import OPTIONS
@@ -176,7 +177,7 @@ def place(observer, motion, at, few, kind, row, states):
     jumps = kind != SMOOTH
     pair = kind * few  # of those that follow
     for i in range(kind):
-        node = i if jumps else SUBSTEPS + i
+        node = node_of(kind, i)
         s = NODES[node]
         spread = observer.spread[BEFORE + node] if not feels else observer.spread[AHEAD if row == 1 else SEEN]
         side = spread[:, 0 if jumps else i]

@@ -11,14 +11,12 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.forces import call_force, call_row
-from chatter_monitor.kernels.observer import SMOOTH, Motion, about, delayed, on_step
+from chatter_monitor.kernels.observer import NODES, SMOOTH, SUBSTEPS, Motion, about, delayed, node_of, on_step
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.signatures import carry, respond, whiten
 
-NODES = 4  # per step, at which forces that jump are evaluated
 FEW = 64  # samples that go through a stage together
 _ITERATIONS = 2  # of the predicted step with the forces that the observer knows
-_GAUSS = 0.5 / np.sqrt(3.0)
 
 
 class Path(NamedTuple):
@@ -38,11 +36,11 @@ class Along(NamedTuple):
 
     errors: np.ndarray  # (FEW,)
     motion: Motion
-    nodes: np.ndarray  # (2, 2, 4, NODES * FEW): as `place` fills each
+    nodes: np.ndarray  # (2, 2, 4, SUBSTEPS * FEW): as `place` fills each
     lagged_v: np.ndarray  # (2, FEW) velocity one delay ago, beside the displacement in `motion`
     memory: np.ndarray  # (2, FEW) of a term, at the sample and as predicted for the next
-    between: np.ndarray  # (2, NODES * FEW) memory at the nodes: none, and that of a term
-    along: np.ndarray  # (NODES * FEW,) force at the nodes
+    between: np.ndarray  # (2, SUBSTEPS * FEW) memory at the nodes: none, and that of a term
+    along: np.ndarray  # (SUBSTEPS * FEW,) force at the nodes
     force: np.ndarray  # (2, FEW)
 
 
@@ -59,18 +57,12 @@ class Answers(NamedTuple):
 
 
 @njit(**OPTIONS)
-def position(substeps, i):
-    """Where on a step, from 0 to 1, a force is evaluated: Gauss points for one that does not jump."""
-    return 0.5 + (2 * i - 1) * _GAUSS if substeps == SMOOTH else (i + 0.5) / substeps
-
-
-@njit(**OPTIONS)
 def over_step(term, j, x0, v0, x1, v1, lagged0, lagged1, angle, observer, z0, z1):
     """Force over a step as the straight line of the same mean and first moment: its values at the ends."""
     substeps, p = term.substeps[j], term.parameters.ctypes.data + 8 * term.columns[j]
     mean = slope = square = 0.0
     for i in range(substeps):
-        s = position(substeps, i)
+        s = NODES[node_of(substeps, i)]
         x, v = on_step(s, x0, v0, x1, v1, observer.step_s)
         lagged, z = (1.0 - s) * lagged0 + s * lagged1, (1.0 - s) * z0 + s * z1
         force = call_force(term.forces[j], x, v, lagged, angle + s * observer.turn, observer.omega, z, p)
@@ -88,7 +80,7 @@ def at_sample(term, j, x0, v0, lagged, angle, observer, z):
     substeps, p = term.substeps[j], term.parameters.ctypes.data + 8 * term.columns[j]
     mean = 0.0
     for i in range(substeps):
-        s = position(substeps, i)
+        s = NODES[node_of(substeps, i)]
         x, v = about(s, x0, v0, observer.omega, observer.step_s)
         mean += call_force(term.forces[j], x, v, lagged, angle + (s - 0.5) * observer.turn, observer.omega, z, p)
     return mean / substeps
@@ -210,9 +202,9 @@ def place(observer, motion, first, row, nodes):
     x0, v0, lagged0 = motion.x[0], motion.v[0], motion.lagged[0]
     x1, v1, lagged1 = motion.x[1], motion.v[1], motion.lagged[1]
     for kind in range(2):
-        substeps = SMOOTH if kind == 0 else NODES
+        substeps = SMOOTH if kind == 0 else SUBSTEPS
         for i in range(substeps):
-            s = position(substeps, i)
+            s = NODES[node_of(substeps, i)]
             part = slice(i * FEW, (i + 1) * FEW)
             x, v, lagged, angle = nodes[kind, 0, part], nodes[kind, 1, part], nodes[kind, 2, part], nodes[kind, 3, part]
             if observer.feed != 0.0:
@@ -268,7 +260,7 @@ def as_lines(substeps, along, force):
     for k in range(FEW):
         mean[k] = slope[k] = 0.0
     for i in range(substeps):
-        s = position(substeps, i) - 0.5
+        s = NODES[node_of(substeps, i)] - 0.5
         square += s * s
         here = along[i * FEW : (i + 1) * FEW]
         for k in range(FEW):
@@ -324,7 +316,7 @@ def forces_of(observer, tried, linear, first, lanes, path, along, begins, ends):
             remember(observer, tried, j, motion, first, path, along.memory)
         for row in range(2 if feels else 1):
             for i in range(substeps):
-                s = row if feels else position(substeps, i)
+                s = row if feels else NODES[node_of(substeps, i)]
                 z = between[i * FEW : (i + 1) * FEW]
                 for k in range(FEW if remembers else 0):
                     z[k] = (1.0 - s) * along.memory[0, k] + s * along.memory[1, k]

@@ -97,6 +97,12 @@ def averaged(address, jumps, x, v, lagged, angle, omega, z, parameters, spread, 
 
 
 @njit(**OPTIONS)
+def node_of(substeps, i):
+    """Which of `NODES` the i-th is at which a force is evaluated that jumps (SUBSTEPS), or does not (SMOOTH)."""
+    return SUBSTEPS + i if substeps == SMOOTH else i
+
+
+@njit(**OPTIONS)
 def on_step(s, x0, v0, x1, v1, step_s):
     """Displacement and velocity on a step over which the tool moves along a cubic, s from 0 to 1."""
     r = 1.0 - s
@@ -126,15 +132,15 @@ def over_step(
     mean = 0.0
     slope = 0.0
     square = 0.0
-    smooth = substeps == SMOOTH
+    jumps = substeps != SMOOTH
     for i in range(substeps):
-        node = SUBSTEPS + i if smooth else i
+        node = node_of(substeps, i)
         s = NODES[node]
         x, v = on_step(s, x0, v0, x1, v1, step_s)
         lagged = (1.0 - s) * lagged0 + s * lagged1
         z = (1.0 - s) * z0 + s * z1
         turned = angle + s * turn
-        force = averaged(address, not smooth, x, v, lagged, turned, omega, z, parameters, spread[when + node], i % 2)
+        force = averaged(address, jumps, x, v, lagged, turned, omega, z, parameters, spread[when + node], i % 2)
         mean += force
         slope += force * (s - 0.5)
         square += (s - 0.5) ** 2

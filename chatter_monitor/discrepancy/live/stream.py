@@ -13,7 +13,7 @@ from chatter_monitor.discrepancy.live.decimate import CHUNK
 from chatter_monitor.discrepancy.whitening import whitener
 from chatter_monitor.kernels import live_signatures as kernel
 from chatter_monitor.kernels.forces_along import Tried
-from chatter_monitor.kernels.observer import Forces, Motion, Observer
+from chatter_monitor.kernels.observer import SUBSTEPS, Forces, Motion, Observer
 from chatter_monitor.kernels.signatures import LANES, Response, response_of
 
 Vector = NDArray[np.float64]
@@ -92,7 +92,7 @@ class Stream:
 
 def scratch() -> kernel.Along:
     """Room for the motion over some samples, and for forces along it."""
-    few, nodes = kernel.FEW, kernel.NODES * kernel.FEW
+    few, nodes = kernel.FEW, SUBSTEPS * kernel.FEW
     motion = Motion(*(np.zeros((2, few)) for _ in range(3)))
     rows = np.zeros((2, 2, 4, nodes)), np.zeros((2, few)), np.zeros((2, few)), np.zeros((2, nodes)), np.zeros(nodes)
     return kernel.Along(np.zeros(few), motion, *rows, np.zeros((2, few)))
