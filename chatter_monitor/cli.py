@@ -374,18 +374,22 @@ def diagnose(
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Same seed, same cases.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Directory; what is done there stays done.")
 @click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes.")
+@click.option("--so-far", is_flag=True, help="Report the cases that are diagnosed already; diagnose none.")
 @JSON
 @DEBUG
-def prove(cases: int, seed: int, out: Path, jobs: int, as_json: bool) -> None:
+def prove(cases: int, seed: int, out: Path, jobs: int, so_far: bool, as_json: bool) -> None:
     """Hide physics in recordings, seal the key, diagnose them blindly, open the key, report."""
     from chatter_monitor.discrepancy.prove.page import lines
     from chatter_monitor.service.diagnosing import diagnose_file, true_gain
     from chatter_monitor.service.proving import Proving
 
-    proof = Proving(out, cases, seed, diagnose_file, jobs, true_gain).run(lambda line: click.echo(line, err=as_json))
+    proving = Proving(out, cases, seed, diagnose_file, jobs, true_gain)
+    proof = proving.so_far() if so_far else proving.run(lambda line: click.echo(line, err=as_json))
     if as_json:
         _print_json(proof.score)
         return
+    if len(proof.judged) < proof.cases:
+        click.echo(f"the first {len(proof.judged)} of {proof.cases} cases; the key's SHA-256 is {proof.key_sha256}")
     for line in lines(proof.score):
         click.echo(line)
     click.echo(f"wrote {out / 'proof.json'} and {out / 'proof.html'}")

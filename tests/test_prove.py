@@ -220,6 +220,34 @@ def test_true_models_are_weighed_once_and_only_effects_of_the_catalogue(proof):
     assert len(weighed) == len(effects)
 
 
+def test_a_proof_that_was_broken_off_is_reported_as_far_as_it_goes(proof, tmp_path):
+    """The cases before the first undiagnosed one are scored and shown; of the others nothing is said or done."""
+    proving, result, _ = proof
+    (tmp_path / "cases").symlink_to(proving.out / "cases")
+    for name in ("draw.json", "key.json", "key.sha256"):
+        (tmp_path / name).write_bytes((proving.out / name).read_bytes())
+    broken_off = Proving(tmp_path, 2, 13, says_nothing, gauge=lambda *_: 12.5)
+    with pytest.raises(InputError, match="no case is diagnosed"):
+        broken_off.so_far()
+    (tmp_path / "diagnoses" / "0002").mkdir(parents=True)
+    kept = (proving.out / "diagnoses" / "0002" / "report.json").read_bytes()
+    (tmp_path / "diagnoses" / "0002" / "report.json").write_bytes(kept)
+    with pytest.raises(InputError, match="no case is diagnosed"):
+        broken_off.so_far()  # the second alone may have been chosen
+    (tmp_path / "diagnoses" / "0002" / "report.json").unlink()
+    (tmp_path / "diagnoses" / "0001").mkdir()
+    (tmp_path / "diagnoses" / "0001" / "error.txt").write_text("no engine\n")
+    part = broken_off.so_far()
+    assert [(j.case, j.outcome) for j in part.judged] == [("0001", "failed")]
+    assert (part.cases, part.key_sha256) == (2, result.key_sha256)
+    assert json.loads((tmp_path / "proof.json").read_text())["score"]["rates"]["diagnoses that failed"]["of"] == 1
+    text = (tmp_path / "proof.html").read_text()
+    assert "The first 1 of 2 cases" in text
+    assert "0002" not in text
+    assert not (tmp_path / "gains" / "0002.json").exists()
+    assert not (tmp_path / "diagnoses" / "0002" / "report.json").exists()
+
+
 def test_gains_are_counted_as_shares_of_the_true_models():
     """Only effects whose true model gains 10 nats are counted as tellable; the share is that of those named right."""
     hit = report("missing_physics", [finding("cubic_stiffness", coefficient=1.0)], gain_nats=30.0)
@@ -258,7 +286,7 @@ def test_the_page_holds_everything(proof):
         judge("0004", truth(parameters={"coefficient": 1.0}), hit),
         judge("0005", NOTHING, report()),
     ]
-    text = page(judged, count(judged), result.key_sha256, 13)
+    text = page(judged, count(judged), result.key_sha256, 13, len(judged))
     assert result.key_sha256 in text
     assert text.count("data:image/png;base64,") == 3
     assert "0.031 (0.035)" in text
@@ -298,3 +326,7 @@ def test_the_command(run, tmp_path):
     assert score["confusion"] == {"none": {"none": 1}, "cubic_stiffness": {"cubic_stiffness": 1}}
     assert score["rates"]["sense right where the name is"]["share"] == 1.0
     assert (tmp_path / "diagnoses" / "0002" / "report.html").exists()
+    (tmp_path / "diagnoses" / "0002" / "report.json").unlink()
+    code, out, _ = run("prove", "--cases", 2, "--seed", 13, "--out", tmp_path, "--so-far", "--json")
+    assert code == 0
+    assert json.loads(out)["confusion"] == {"none": {"none": 1}}

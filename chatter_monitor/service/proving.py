@@ -9,6 +9,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from itertools import takewhile
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -79,21 +80,52 @@ class Proving:
         EnvironmentFault
             If the directory cannot be written.
         """
-        try:
+        with self._writing():
             self._claim()
             self._draw()
             published = self._published.read_text(encoding="ascii").split()[0]
             say(f"{self.cases} cases in {self._cases}; the key is sealed, SHA-256 {published}")
             self._diagnose()
-            truths = open_key(self._key, self._published, self._cases)
-            self._gauge(truths)
-            proof = self._score(truths, published)
-            (self.out / "proof.json").write_bytes(msgspec.json.format(msgspec.json.encode(proof), indent=1) + b"\n")
-            (self.out / "proof.html").write_text(
-                page(proof.judged, proof.score, published, self.seed), encoding="utf-8"
+            return self._report(open_key(self._key, self._published, self._cases), published)
+
+    def so_far(self) -> Proof:
+        """Report the cases before the first that is not diagnosed; nothing is drawn or diagnosed.
+
+        Which cases those are, the order of the draw says, not how they were answered. Of the others nothing is said, so
+        that the proof can go on.
+
+        Raises
+        ------
+        InputError
+            If the first case is not diagnosed, or the directory holds another draw or not what was sealed.
+        EnvironmentFault
+            If the directory cannot be written.
+        """
+        done = list(takewhile(self._diagnosed, self._names()))
+        if not done or not self._published.exists():
+            raise InputError(
+                f"no case is diagnosed in {self.out}", remedy="Run the same command without --so-far for a while."
             )
+        with self._writing():
+            self._claim()
+            published = self._published.read_text(encoding="ascii").split()[0]
+            truths = open_key(self._key, self._published, self._cases)
+            return self._report({name: truths[name] for name in done}, published)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
         except OSError as error:
             raise EnvironmentFault(f"the proof cannot be written: {error}", got=str(self.out)) from error
+
+    def _report(self, truths: Truths, published: str) -> Proof:
+        """Weigh, score and write the cases of an opened key."""
+        self._gauge(truths)
+        proof = self._score(truths, published)
+        (self.out / "proof.json").write_bytes(msgspec.json.format(msgspec.json.encode(proof), indent=1) + b"\n")
+        written = page(proof.judged, proof.score, published, self.seed, self.cases)
+        (self.out / "proof.html").write_text(written, encoding="utf-8")
         return proof
 
     @property
@@ -137,6 +169,10 @@ class Proving:
         for draft in drafts.iterdir():
             draft.unlink()
         drafts.rmdir()
+
+    def _diagnosed(self, name: str) -> bool:
+        """Whether a case has been answered, if only by an error."""
+        return any((self.out / "diagnoses" / name / file).exists() for file in ("report.json", "error.txt"))
 
     def _diagnose(self) -> None:
         """Diagnose what has no report yet."""

@@ -44,8 +44,12 @@ def lines(score: Score) -> Iterator[str]:
         yield f"{truth:<35} " + ", ".join(f"{answer} {n}" for answer, n in answers.items())
 
 
-def page(judged: Sequence[Judged], score: Score, key_sha256: str, seed: int) -> str:
-    """Self-contained HTML of the proof; the reports of the cases are linked, not embedded."""
+def page(judged: Sequence[Judged], score: Score, key_sha256: str, seed: int, drawn: int) -> str:
+    """Self-contained HTML of the proof; the reports of the cases are linked, not embedded.
+
+    `drawn` cases are in the draw; those judged are its first ones.
+    """
+    of_drawn = f"The first {len(judged)} of {drawn}" if len(judged) < drawn else f"{drawn}"
     rates = "".join(
         f"<tr><td>{html.escape(name)}</td><td class=n>{rate.hits} of {rate.of}</td>"
         f"<td class=n>{_percent(rate)}</td><td class=n>{_interval(rate)}</td></tr>"
@@ -68,7 +72,7 @@ def page(judged: Sequence[Judged], score: Score, key_sha256: str, seed: int) -> 
     pictures = "".join(_picture(draw, judged) for draw in (_draw_outcomes, _draw_uniform, _draw_intervals))
     return f"""<!doctype html><html lang=en><meta charset=utf-8><title>Concealed-physics proof</title>
 <style>{_STYLE}</style><h1>Concealed-physics proof</h1>
-<p>{len(judged)} cases of draw {seed}, made by a generator that shares no code with the engine. The key
+<p>{of_drawn} cases of draw {seed}, made by a generator that shares no code with the engine. The key
 was sealed before the first diagnosis: SHA-256 <code>{key_sha256}</code>. A case is <em>concealed</em> if neither its
 spectrum (log-spectral distance from the best linear simulation, against linear recordings, 5 %) nor its distribution
 (Shapiro-Wilk, 5 %) can be told from linear; so even a linear case looks visible in about one of ten.</p>
