@@ -17,6 +17,8 @@ from scipy import signal as dsp
 SAMPLES_PER_PERIOD = 14.0
 CLIFF_DB = 6.0  # drop within CLIFF_WIDTH that no machine makes away from its modes
 CLIFF_WIDTH = 0.06  # relative
+FADE_S = 0.5  # of the joint where a stretch is left out
+LEAST_LEFT = 0.25  # of the recording, for a machine without a stretch
 _NEAREST = 1.7  # cliffs are looked for beyond so many times the fastest mode
 _LARGEST_UP = 3
 _REACH = 16  # of the low-pass, in samples of the lower rate
@@ -77,6 +79,32 @@ def within_band(recorded: Recorded, highest_mode_hz: float) -> Recorded:
         missing = touched[np.minimum((np.arange(resampled.size) / float(ratio)).astype(np.int64), touched.size - 1)]
     missing[:_REACH] = missing[-_REACH:] = True  # there the low-pass saw beyond the ends
     return Recorded(resampled, missing, recorded.rate_hz * float(ratio))
+
+
+def without(recorded: Recorded, between_s: tuple[float, float]) -> Recorded | None:
+    """A recording without a stretch of it, the ends faded into each other; None if too little is left.
+
+    Both ends are parts of one stationary vibration and know nothing of each other: faded with weights whose squares add
+    up to one, the joint has its variance and its spectrum, where a hole with edges would leak into all frequencies.
+    """
+    n, rate_hz = recorded.samples.size, recorded.rate_hz
+    begin, end = (min(max(round(at * rate_hz), 0), n) for at in between_s)
+    fade = round(FADE_S * rate_hz)
+    parts = [part for part in (slice(0, begin), slice(end, n)) if part.stop - part.start > 2 * fade]
+    if sum(part.stop - part.start for part in parts) < LEAST_LEFT * n:
+        return None
+    samples = [recorded.samples[part] for part in parts]
+    missing = [recorded.missing[part] for part in parts]
+    if len(parts) == 1:
+        return Recorded(samples[0], missing[0], rate_hz)
+    turn = 0.5 * np.pi * (np.arange(fade) + 0.5) / fade
+    joint = np.cos(turn) * samples[0][-fade:] + np.sin(turn) * samples[1][:fade]
+    gone = missing[0][-fade:] | missing[1][:fade]
+    return Recorded(
+        np.concatenate([samples[0][:-fade], np.where(gone, 0.0, joint), samples[1][fade:]]),
+        np.concatenate([missing[0][:-fade], gone, missing[1][fade:]]),
+        rate_hz,
+    )
 
 
 def cliff_hz(recorded: Recorded, highest_mode_hz: float) -> float:

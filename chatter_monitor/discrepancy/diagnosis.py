@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy import basis
-from chatter_monitor.discrepancy.band import Recorded, within_band
-from chatter_monitor.discrepancy.case import SURE, Case, Local
+from chatter_monitor.discrepancy.band import FADE_S, Recorded, within_band, without
+from chatter_monitor.discrepancy.case import SURE, Case
 from chatter_monitor.discrepancy.ceiling import Surface, ceiling
 from chatter_monitor.discrepancy.columns import gather
 from chatter_monitor.discrepancy.evidence import Evidence
@@ -23,7 +23,7 @@ from chatter_monitor.discrepancy.faults import (
 )
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.linear import Base, calibrate, fit_base
-from chatter_monitor.discrepancy.local import acting, find_above, find_local
+from chatter_monitor.discrepancy.local import find_above, find_local
 from chatter_monitor.discrepancy.locate import (
     frequency_map,
     lag_map,
@@ -31,6 +31,7 @@ from chatter_monitor.discrepancy.locate import (
 )
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.report import Statistic
+from chatter_monitor.discrepancy.spectrum import SpectralFit
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm
@@ -90,22 +91,24 @@ def examine(whole: Recorded, system: MachiningSystem, progress: Callable[[str], 
     progress("band")
     whole, recorded = in_band(whole, system)
     progress("calibration")
-    sensor = system.sensor
-    given = Linear(system.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, system.spindle)
-    tones: list[Line] = []
-    offset_p = 1.0
-    if clipped is None or clipped.samples <= MOST_CLIPPED * whole.samples.size:
-        recorded, tones, offset_p = _cleaned(recorded, given)
-    base = fit_base(recorded, given)
+    given = _given(system)
+    cleaned, tones, offset_p = recorded, list[Line](), 1.0
+    tells_more = clipped is None or clipped.samples <= MOST_CLIPPED * whole.samples.size
+    if tells_more:
+        cleaned, tones, offset_p = _cleaned(recorded, given)
+    base = fit_base(cleaned, given)
     progress("innovations")
-    innovations = Innovations(recorded, *_as_model(base, system))
-    case = Case(system, whole, recorded, base, innovations, clipped, tones, offset_p=offset_p)
-    if clipped is not None and clipped.samples > MOST_CLIPPED * whole.samples.size:
+    innovations = Innovations(cleaned, *_as_model(base, system))
+    case = Case(system, whole, cleaned, base, innovations, clipped, tones, offset_p=offset_p)
+    if not tells_more:
         case.maps = [frequency_map(base.spectrum, base.fitted)[0]]
         return case
     progress("signatures")
     gather(case)
     progress("names")
+    _look(case)
+    if case.local is not None and case.local.between_s is not None:
+        case = _asked_again(case, recorded, case.local.between_s)
     _decide(case)
     return case
 
@@ -117,27 +120,65 @@ def in_band(whole: Recorded, system: MachiningSystem) -> tuple[Recorded, Recorde
     return whole, within_band(whole, max(mode.frequency_hz for mode in system.modes))
 
 
+def _given(system: MachiningSystem) -> Linear:
+    sensor = system.sensor
+    return Linear(system.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, system.spindle)
+
+
 def _cleaned(recorded: Recorded, given: Linear) -> tuple[Recorded, list[Line], float]:
     """Take out a drifting offset, and tones that stand out of the innovations of a first calibration.
 
     No mode is to be bent towards them. The p-value is that of the drift.
     """
     fitted = calibrate(recorded, given)
-    expected = 0.5 * fitted.lowest_density * recorded.rate_hz
-    drift, offset_p = slow_drift(recorded.samples, recorded.missing, expected)
-    if offset_p < SURE:
-        recorded = replace(recorded, samples=recorded.samples - drift)
+    recorded, offset_p = _without_drift(recorded, np.ones(recorded.samples.size), fitted)
     first = Innovations(recorded, fitted.linear)
     tones = lines(np.where(first.used, first.white, 0.0), recorded.rate_hz)
+    return _without_tones(recorded, tones), tones, offset_p
+
+
+def _without_drift(recorded: Recorded, weight: Vector, fitted: SpectralFit) -> tuple[Recorded, float]:
+    """Take out a drifting offset, if the samples show one, each counted with a weight; and its p-value."""
+    expected = 0.5 * fitted.lowest_density * recorded.rate_hz
+    drift, p = slow_drift(recorded.samples, np.where(recorded.missing, 0.0, weight), expected)
+    if p >= SURE:
+        return recorded, p
+    return replace(recorded, samples=np.where(recorded.missing, 0.0, recorded.samples - drift)), p
+
+
+def _without_tones(recorded: Recorded, tones: Sequence[Line]) -> Recorded:
     if not tones:
-        return recorded, tones, offset_p
+        return recorded
     t = np.arange(recorded.samples.size)
     turns = [2.0 * np.pi * tone.frequency_hz / recorded.rate_hz * t for tone in tones]
     waves = np.column_stack([wave(turn) for turn in turns for wave in (np.cos, np.sin)])
     present = ~recorded.missing
     amplitudes = np.linalg.lstsq(waves[present], recorded.samples[present], rcond=None)[0]
-    cleaned = replace(recorded, samples=np.where(present, recorded.samples - waves @ amplitudes, 0.0))
-    return cleaned, tones, offset_p
+    return replace(recorded, samples=np.where(present, recorded.samples - waves @ amplitudes, 0.0))
+
+
+def _asked_again(case: Case, recorded: Recorded, between_s: tuple[float, float]) -> Case:
+    """The case once more, with machine and sensor as they are where an effect in a stretch is not.
+
+    Such an effect feigns much in what is estimated of the whole recording: another frequency and damping, two modes, a
+    coloured force, a sensor of another quantity, an offset that drifts. What the rest of the recording does not show of
+    it does not count. Where too little is left besides, the case stays as it is.
+    """
+    at = np.arange(recorded.samples.size) / recorded.rate_hz
+    away_s = np.maximum(between_s[0] - at, at - between_s[1])
+    weight = np.sin(0.5 * np.pi * np.clip(away_s / FADE_S, 0.0, 1.0)) ** 2
+    cleaned, offset_p = _without_drift(recorded, weight, case.base.fitted)
+    cleaned = _without_tones(cleaned, case.tones)
+    rest = without(cleaned, between_s)
+    if rest is None:
+        return case
+    base = fit_base(rest, _given(case.system))
+    model = _as_model(base, case.system)
+    innovations = Innovations(cleaned, *model, Innovations(rest, *model).taps)
+    again = Case(case.system, case.whole, cleaned, base, innovations, case.clipped, case.tones, offset_p=offset_p)
+    gather(again)
+    _look(again)
+    return case if again.local is None else again
 
 
 def _as_model(base: Base, system: MachiningSystem) -> tuple[Linear, list[AppliedTerm]]:
@@ -151,50 +192,41 @@ def _as_model(base: Base, system: MachiningSystem) -> tuple[Linear, list[Applied
     return linear, terms
 
 
+def _look(case: Case) -> None:
+    """What changes along the recording, or acts in a part of it: that first, so that no name has to stand for it."""
+    evidence = case.evidence
+    case.named, case.ranking = case.contest.run()
+    case.local = find_local(case)
+    if case.local is None:
+        with case.contest.beside([column for scored in case.named for column in scored.columns]):
+            swelling = subspace_map("amplitude", evidence, case.columns["amplitude"])
+        if swelling.p_value < WORTH_A_LOOK:
+            case.local = find_above(case)
+
+
 def _decide(case: Case) -> None:
-    """Names, the ceiling, and what changes along the recording: that first, so that no name has to stand for it."""
+    """Names and the ceiling, beside what acts in a part of the recording."""
     evidence = case.evidence
     case.maps = _maps(case, evidence)
     case.ceiling = ceiling(evidence, case.columns["surface"], case.training)
-    case.named, case.ranking = case.contest.run()
-    with case.contest.beside([column for scored in case.named for column in scored.columns]):
-        changing = subspace_map("time", evidence, case.columns["time"])
-        swelling = subspace_map("amplitude", evidence, case.columns["amplitude"])
-    case.local = find_local(case)
-    if case.local is None and swelling.p_value < WORTH_A_LOOK:
-        case.local = find_above(case)
     if case.local is not None:
         for there in case.local.signatures:
             case.columns.setdefault("local", []).append(
                 evidence.join(there, case.innovations.white, case.matrix, case.weight)
             )
             case.matrix = np.vstack([case.matrix, there])
-        case.offset_p = _offset_beside(case, case.local)
         evidence.nuisance += case.columns["local"]
-    elif changing.p_value < SURE:
-        case.drift = changing
-        evidence.nuisance += case.columns["time"]
+    else:
+        with case.contest.beside([column for scored in case.named for column in scored.columns]):
+            changing = subspace_map("time", evidence, case.columns["time"])
+        if changing.p_value < SURE:
+            case.drift = changing
+            evidence.nuisance += case.columns["time"]
     if case.local is not None or case.drift is not None:
         case.named, case.ranking = case.contest.run()
     with case.contest.beside([column for scored in case.named for column in scored.columns]):
         case.rest = ceiling(evidence, case.columns["surface"], case.training)
         case.rest_maps = _maps(case, evidence)
-
-
-def _offset_beside(case: Case, local: Local) -> float:
-    """p-value of a drifting offset beside a force that moves the mean of the displacement where it acts."""
-    inn, candidate = case.innovations, local.candidate
-    seen = inn.linear.quantity == "displacement" and local.between_s is not None
-    if case.offset_p >= SURE or not seen or candidate is None:
-        return case.offset_p
-    inside = acting(inn, local.between_s)[0]
-    coefficients = case.evidence.regress(case.columns["local"]).coefficients
-    forces = inn.forces([(candidate.term, candidate.unit(i)) for i in local.units])[:, 0, inside]
-    mean = float(coefficients[: len(local.units)] @ forces.mean(axis=1))
-    moved = -mean / inn.observer.omega**2 * inside
-    recorded = within_band(case.whole, max(mode.frequency_hz for mode in case.system.modes))
-    expected = 0.5 * case.base.fitted.lowest_density * recorded.rate_hz
-    return slow_drift(recorded.samples - moved, recorded.missing, expected)[1]
 
 
 def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector]) -> tuple[Surface, list[Statistic]]:

@@ -118,13 +118,14 @@ def restlessness(whitened: Vector, used: NDArray[np.bool_], rate_hz: float) -> R
     return Restlessness(None, min(p_tails, p_swell), 0.0, scale, depth, excess)
 
 
-def slow_drift(samples: Vector, missing: NDArray[np.bool_], expected: float) -> tuple[Vector, float]:
+def slow_drift(samples: Vector, weight: Vector, expected: float) -> tuple[Vector, float]:
     """Slow polynomials in a recording, and how often chance makes as much of them.
 
     Parameters
     ----------
     samples : ndarray of float64, shape (n,)
-    missing : ndarray of bool, shape (n,)
+    weight : ndarray of float64, shape (n,)
+        How much each counts, 0 to 1; the edges of a long gap have to be smooth.
     expected : float
         Variance of the projection on a wave of unit norm that the machine itself has near 0 Hz.
 
@@ -135,18 +136,16 @@ def slow_drift(samples: Vector, missing: NDArray[np.bool_], expected: float) -> 
     float
         p-value.
     """
-    present = ~missing
     t = np.linspace(-1.0, 1.0, samples.size)
     # Without the window the ends of the recording would carry the mode itself into the polynomials.
-    window = np.cos(0.5 * np.pi * t) ** 2 * present
+    window = np.cos(0.5 * np.pi * t) ** 2 * weight
     polynomials = np.polynomial.legendre.legvander(t, DRIFT_ORDER)
     slow, _ = np.linalg.qr(window[:, None] * polynomials)
-    projections = slow.T @ samples
+    projections = slow.T @ (samples - np.average(samples, weights=window))
     # QR puts the mean first: what is left of the others is not the mean's.
     value = float(np.sum(projections[1:] ** 2)) / expected
     normal = polynomials.T @ (window[:, None] * polynomials)
     drift = polynomials @ np.linalg.solve(normal, polynomials.T @ (window * samples))
-    drift = np.where(present, drift, 0.0)
     return drift, float(stats.chi2.sf(value, DRIFT_ORDER))
 
 

@@ -23,6 +23,7 @@ def diagnosed(machine: Machine, seed: int, model: MachiningSystem | None = None,
     return conclude(examine(recorded_from(record(machine, seed) + extra, machine.rate_hz), model))
 
 
+STRONG = (("hardening", 0.2, "cubic_stiffness"), ("quadratic", 0.12, "quadratic_stiffness"))
 SHORT = {"frequency_hz": 220.0, "seconds": 10.0}
 
 
@@ -111,14 +112,24 @@ def test_an_effect_in_a_part_of_the_recording_is_located_there():
     assert min(last, end) - max(first, begin) > 0.8 * (max(last, end) - min(first, begin))
 
 
+@pytest.mark.parametrize(("effect", "strength", "name"), STRONG)
+def test_what_a_stretch_feigns_in_the_whole_recording_is_not_said(effect, strength, name):
+    """A strong force for 3 of 10 s is named alone: no coloured force, no other sensor, no drifting offset."""
+    report = diagnosed(Machine(effect, strength, between_s=(4.3, 7.3), **SHORT), 131).report
+    assert [term.name for term in report.terms] == [name], report.summary
+    assert report.located.time_s == [pytest.approx((4.3, 7.3), abs=0.2)]
+    assert report.calibration.after["mode.1.frequency_hz"].value == pytest.approx(220.0, rel=0.005)
+
+
 def test_names_that_explain_a_stretch_equally_are_not_told_apart():
     """A play too small to be told from a hardening spring is located, both are listed, and neither is named."""
     begin, end = 4.3, 7.3
     report = diagnosed(Machine("clearance", 0.035, between_s=(begin, end), **SHORT), 111).report
     assert report.verdict == "unknown", report.summary
     assert {other.name for other in report.alternatives[:2]} == {"clearance", "cubic_stiffness"}
-    assert "from 4.0 to 7.3 s only" in report.summary
-    assert report.located.time_s == [pytest.approx((begin, end), abs=0.4)]
+    [(first, last)] = report.located.time_s
+    assert f"from {first:.1f} to {last:.1f} s only" in report.summary
+    assert (first, last) == pytest.approx((begin, end), abs=0.4)
 
 
 def test_friction_above_an_amplitude_is_located_there():
