@@ -248,10 +248,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--hours", type=float, default=8.0, help="of each machine of `quiet`")
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--development", action="store_true", help="seeds from 0 on")
+    parser.add_argument("--first", type=int, default=FIRST_REPORTED_SEED, help="seed")
     given = parser.parse_args()
-    first = 0 if given.development else FIRST_REPORTED_SEED
-    seeds = range(first, first + given.seeds)
+    seeds = range(given.first, given.first + given.seeds)
     if "delay" in given.what:
         delay(seeds, given.workers)
     if "quiet" in given.what:

@@ -210,6 +210,21 @@ class _Density:
         return np.asarray(np.log(response + noise) + vector[self.noise_at + 1 :] @ self.cosines)
 
 
+def log_density(linear: Linear, frequency_hz: Vector, nyquist_hz: float) -> Vector:
+    """Logarithm of the density of what a machine's sensor shows, up to the level of the force; shape (bins,).
+
+    Parameters
+    ----------
+    linear : Linear
+    frequency_hz : ndarray of float64, shape (bins,)
+        Over the whole band: it tells the share of the noise.
+    nyquist_hz : float
+    """
+    ones = np.ones(frequency_hz.size)
+    density = _Density(linear, Periodogram(frequency_hz, ones, ones, nyquist_hz), colours=0, fixed_modes=True)
+    return density(density.zero)
+
+
 def fit(spectrum: Periodogram, start: Linear, *, colours: int = COLOURS, fixed_modes: bool = False) -> SpectralFit:
     """Fit a linear machine to a periodogram.
 

@@ -70,7 +70,7 @@ def explained(total, earlier, first, count, work):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def changed(sums, powers, end, sizes, first, count, ordinates, retuned, coloured):
+def changed(sums, powers, end, sizes, first, count, ordinates, retuned, coloured, spreads):
     """By how much the newest blocks differ from all those before them.
 
     Parameters
@@ -90,6 +90,8 @@ def changed(sums, powers, end, sizes, first, count, ordinates, retuned, coloured
     retuned, coloured : ndarray of float64, shape (w,)
         Filled: chi-squared of a change of the coefficients, of `count` degrees of freedom; and of a change of the
         spectrum without its level, of bands - 1.
+    spreads : ndarray of float64, shape (w,)
+        Filled: variance of the powers over that of Gaussian errors, at least 1.
     """
     bands = powers.shape[2]
     ratio, work = np.empty(bands), np.empty((count + 1, count + 1))
@@ -109,5 +111,5 @@ def changed(sums, powers, end, sizes, first, count, ordinates, retuned, coloured
         for band in range(bands):
             square += (ratio[band] - mean_ratio) ** 2
         # Errors with heavy tails have powers that vary more than those of Gaussian ones.
-        spread *= ordinates * at / (at - 1)
-        coloured[window] = square * ordinates / (max(spread, 1.0) * (1.0 / at + 1.0 / size))
+        spreads[window] = max(spread * ordinates * at / (at - 1), 1.0)
+        coloured[window] = square * ordinates / (spreads[window] * (1.0 / at + 1.0 / size))

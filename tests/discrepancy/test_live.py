@@ -104,6 +104,28 @@ def test_another_gain_is_no_mechanics():
     assert any(t > 20.0 for t, _ in answers)
 
 
+def test_a_weak_second_mode_is_told():
+    """A mode that adds a fortieth to the motion from some moment on is told within six seconds, where it is."""
+    one, other = Mode(300.0, 0.03), Mode(470.0, 0.03, 0.24)
+    before, after = linear(2400.0, 0.0, one), linear(2400.0, 0.0, one, other)
+    runs = [simulate(system, seconds, 5, settle_s=1.0).signal for system, seconds in ((before, 12.0), (after, 14.0))]
+    answers = said(joined(*runs, 300.0), before)
+    assert {found.outcome for t, found in answers if t < 12.0} == {"none"}
+    told = [(t, found) for t, found in answers if found.outcome != "none"]
+    assert told[0][0] < 18.0
+    assert {found.effect for _, found in told} == {"second_mode"}
+    assert told[-1][1].parameters["frequency_hz"] == pytest.approx(470.0, rel=0.02)
+
+
+def test_a_machine_is_watched_while_its_base_is_fitted_anew():
+    """What begins just when a new base is due is told as soon as at any other time."""
+    after_s = []
+    for begins_s in (11.6, 12.4):
+        samples = record(Machine(effect="hardening", seconds=16.0, between_s=(begins_s, 16.0)), 7)
+        after_s.append(next(t for t, found in said(samples) if found.effect == "cubic_stiffness") - begins_s)
+    assert max(after_s) < 2.0
+
+
 def test_wrong_parameters_are_parameters():
     """A mode that is not where the model has it is found there, and no physics is named for it."""
     model = MachiningSystem(modes=(Mode(408.0, 0.03),), sensor=Sensor("displacement"))

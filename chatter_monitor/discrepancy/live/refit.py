@@ -24,10 +24,10 @@ COARSE_BINS = 600  # over the band, away from the modes
 _WIDTH = 0.15  # of the bins about the modes, over half the bandwidth of the narrowest
 _ABOUT = 10.0  # half bandwidths to either side of a mode that are about it
 _SPEED_ERROR = 0.06  # of a configured speed
-_AT_ONCE = 3  # speeds that are tried in one step of work: fits of two parameters and the colour
-_SEPARATE = 4.0  # half bandwidths between two modes
+_AT_ONCE = 3  # speeds that are tried in one step of work
+SEPARATE = 4.0  # half bandwidths between two modes
 _WHITENED_S = 8.0  # of the signal, for the whitening filter
-_PARAMETERS = {"second_mode": 3, "regenerative_delay": 2, "spindle_speed": 1}
+_SEARCHED = {"second_mode": 0, "regenerative_delay": 1, "spindle_speed": 1}  # parameters besides those of the fit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,30 +76,36 @@ def refit(recorded: Recorded, given: Linear, terms: tuple[AppliedTerm, ...]) -> 
     """
     spectrum = _spectrum(recorded, given)
     yield None
-    as_given = fit(spectrum, given, fixed_modes=True)
+    as_given = _fit_base(spectrum, given, fixed_modes=True)
     yield None
     fits = []
     for start in _starts(spectrum, given):
-        fits.append(fit(spectrum, start))
+        fits.append(_fit_base(spectrum, start))
         yield None
     base = min(fits, key=lambda each: each.nll)
     found: list[tuple[str, float, SpectralFit]] = []
     starts = [*_omissions(spectrum, base, given)]
+
+    def consider(name: str, trial: SpectralFit) -> None:
+        price_nats = trial.parameters - base.parameters + _SEARCHED[name]
+        if _plausible(name, trial, base, spectrum):
+            found.append((name, base.nll - trial.nll - price_nats, trial))
+
     if given.delay_s is not None:
         # The same machine at another speed: its modes are kept until the speed is found.
         speeds = []
-        for start in _other_speeds(as_given.linear, given):
+        for start in _other_speeds(replace(as_given.linear, delay_s=given.delay_s), given):
             speeds.append(fit(spectrum, start, fixed_modes=True))
             if len(speeds) % _AT_ONCE == 0:
                 yield None
-        found_s = min(speeds, key=lambda each: each.nll).linear.delay_s
-        starts.append(("spindle_speed", replace(base.linear, delay_s=found_s)))
-    for name, start in starts:
-        trial = fit(spectrum, start)
-        gain = base.nll - trial.nll - 0.5 * _PARAMETERS[name] * 2.0
-        if _plausible(name, trial, base, spectrum):
-            found.append((name, gain, trial))
-        yield None
+        nearest = min(speeds, key=lambda each: each.nll)
+        consider("spindle_speed", nearest)  # nothing but the speed differs
+        at_speed = replace(base.linear, delay_s=nearest.linear.delay_s, regeneration=nearest.linear.regeneration)
+        starts.append(("spindle_speed", at_speed))
+    for number, (name, start) in enumerate(starts):
+        consider(name, fit(spectrum, start))
+        if name == "second_mode" or number % _AT_ONCE == 0:
+            yield None
     best: dict[str, tuple[str, float, SpectralFit]] = {}
     for each in sorted(found, key=lambda each: each[1]):
         best[each[0]] = each
@@ -107,7 +113,7 @@ def refit(recorded: Recorded, given: Linear, terms: tuple[AppliedTerm, ...]) -> 
     leader = ranked[0] if ranked and ranked[0][1] > NEEDED_NATS else None
     fitted = leader[2] if leader else base
     runner_up = next(((name, gain) for name, gain, _ in ranked if leader is None or name != leader[0]), None)
-    freedom = base.parameters - as_given.parameters
+    freedom = 3 * len(given.modes) - 1
     retuned_nats = max(as_given.nll - base.nll, 0.0)
     p = float(stats.chi2.sf(2.0 * retuned_nats, freedom))
     newest = slice(-round(_WHITENED_S * recorded.rate_hz), None)
@@ -116,6 +122,14 @@ def refit(recorded: Recorded, given: Linear, terms: tuple[AppliedTerm, ...]) -> 
     innovations = Innovations(part, linear, known)
     omission, gain_nats = leader[:2] if leader else (None, 0.0)
     yield Refit(innovations, fitted, p, retuned_nats, omission, gain_nats, runner_up, scales(innovations.motion)[0])
+
+
+def _fit_base(spectrum: Periodogram, start: Linear, *, fixed_modes: bool = False) -> SpectralFit:
+    """Fit a base; one that would regenerate backwards, which no cut does, does not regenerate."""
+    base = fit(spectrum, start, fixed_modes=fixed_modes)
+    if base.linear.regeneration >= 0.0:
+        return base
+    return fit(spectrum, replace(start, delay_s=None, regeneration=0.0), fixed_modes=fixed_modes)
 
 
 def _spectrum(recorded: Recorded, given: Linear) -> Periodogram:
@@ -150,7 +164,7 @@ def _omissions(spectrum: Periodogram, base: SpectralFit, given: Linear) -> Itera
     """Starts of what may be missing."""
     linear, main = base.linear, base.linear.modes[0]
     half_width = main.damping_ratio * main.frequency_hz
-    away = abs(spectrum.frequency_hz - main.frequency_hz) > _SEPARATE * half_width
+    away = abs(spectrum.frequency_hz - main.frequency_hz) > SEPARATE * half_width
     for width in (2.0, 8.0):
         bins = max(3, round(width * half_width / float(spectrum.frequency_hz[1] - spectrum.frequency_hz[0])))
         if away.any():
@@ -181,7 +195,7 @@ def _plausible(name: str, trial: SpectralFit, base: SpectralFit, spectrum: Perio
     main, added = trial.linear.modes[0], trial.linear.modes[-1]
     inside = 2.0 * spectrum.frequency_hz[0] < added.frequency_hz < 0.95 * spectrum.frequency_hz[-1]
     apart = abs(added.frequency_hz - main.frequency_hz)
-    separate = apart > _SEPARATE * base.linear.modes[0].damping_ratio * main.frequency_hz
+    separate = apart > SEPARATE * base.linear.modes[0].damping_ratio * main.frequency_hz
     return inside and separate and added.damping_ratio < 0.15 and main.damping_ratio < 0.3
 
 

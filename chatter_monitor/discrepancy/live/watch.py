@@ -1,9 +1,10 @@
 """A running signal beside the simulation of its machine: what the simulation lacks, once there is evidence for it.
 
-An *epoch* is a stretch in which the machine stays what it is. At its start, and whenever it is twice as old, the linear
-base is fitted to all of it, and the signal runs once more through the new observer. Two kinds of evidence accumulate
-over the newest 1, 2, 4, ... blocks: that the errors have changed since before, which begins another epoch, and that
-signatures of missing forces are in them. What is older than the longest window is forgotten.
+An *epoch* is a stretch in which the machine stays what it is. At its start, and whenever it is half as old again, the
+linear base is fitted to all of it, and the signal runs once more through the new observer; until it has caught up, the
+last one goes on watching. Two kinds of evidence accumulate over the newest 1, 2, 4, ... blocks: that the errors have
+changed since before, which begins another epoch, and that signatures of missing forces are in them. What is older than
+the longest window is forgotten.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ from chatter_monitor.discrepancy.live.decimate import CHUNK, Decimator
 from chatter_monitor.discrepancy.live.found import Found, Named, nonlinear, of_force, of_omission, of_parameters
 from chatter_monitor.discrepancy.live.history import History
 from chatter_monitor.discrepancy.live.refit import Refit, refit
+from chatter_monitor.discrepancy.live.shapes import of_another_mode
 from chatter_monitor.discrepancy.live.stream import Stream
-from chatter_monitor.discrepancy.live.windows import Blocks
+from chatter_monitor.discrepancy.live.windows import FINE_BANDS, Blocks
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
@@ -33,6 +35,7 @@ KEEP_S = 64.0  # of the signal, and the longest window
 BLOCK_S = 0.5
 FIRST_FIT_S = 1.0
 FIRST_FIT_PERIODS = 300.0  # of the first mode, at least
+FIT_AGAIN = 1.5  # times as old
 LAST_FIT_S = 32.0
 LEAST_PRESENT = 0.5  # share of the samples of an epoch
 CATCH_UP = 16  # times the pace of the signal, when it runs through a new observer
@@ -54,20 +57,31 @@ COARSE = {
 
 
 @dataclass(eq=False)
+class _Run:
+    """Signal through the observer of a base: its blocks, and what they name, by the length of the window."""
+
+    refit: Refit
+    stream: Stream
+    entries: list[tuple[Candidate, list[int]]]
+    position: int
+    blocks: Blocks
+    rows: NDArray[np.float64]
+    filled: int = 0
+    count: int = 0
+    named: dict[int, Named] = field(default_factory=dict)
+
+
+@dataclass(eq=False)
 class _Epoch:
-    """A stretch in which the machine stays what it is."""
+    """A stretch in which the machine stays what it is.
+
+    While the signal runs through a new observer (`next`), the last one (`run`) goes on watching.
+    """
 
     first: int
     fit_due: int
-    refit: Refit | None = None
-    stream: Stream | None = None
-    entries: list[tuple[Candidate, list[int]]] | None = None
-    position: int = 0
-    rows: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
-    filled: int = 0
-    blocks: Blocks | None = None
-    count: int = 0
-    named: dict[int, Named] = field(default_factory=dict)
+    run: _Run | None = None
+    next: _Run | None = None
 
 
 class Watch:
@@ -135,18 +149,25 @@ class Watch:
     def _follow(self, chunks: int) -> Found | None:
         """Go on through what has come, so many chunks at least."""
         epoch, found = self._epoch, None
-        for _ in range(CATCH_UP * chunks):
-            if epoch.stream is None or epoch.position + CHUNK > self._history.end:
-                break
-            found = self._advance(epoch, epoch.stream) or found
-            if self._epoch is not epoch:
-                return None
+        for run, most in ((epoch.run, chunks), (epoch.next, CATCH_UP * chunks)):
+            for _ in range(most):
+                if run is None or self._is_at_end(run):
+                    break
+                found = self._advance(run) or found
+                if self._epoch is not epoch:
+                    return None
+        if epoch.next is not None and self._is_at_end(epoch.next):
+            epoch.run, epoch.next = epoch.next, None
         self._fit(epoch)
         return found
 
+    def _is_at_end(self, run: _Run) -> bool:
+        """Whether what has come makes no further chunk."""
+        return run.position + CHUNK > self._history.end
+
     def _begin(self, first: int) -> None:
         self._work = None
-        self._epoch = _Epoch(first, first + self._first_fit, position=first)
+        self._epoch = _Epoch(first, first + self._first_fit)
 
     def _fit(self, epoch: _Epoch) -> None:
         """One step of fitting the base, where it is due: to all of the epoch."""
@@ -157,10 +178,11 @@ class Watch:
                 self._work = None
                 self._adopt(epoch, result)
             return
-        if end < epoch.fit_due or (epoch.stream is not None and epoch.position + CHUNK <= end):
+        if end < epoch.fit_due or epoch.next is not None:
             return
         age = end - epoch.first
-        epoch.fit_due = epoch.first + 2 * age if 2 * age <= self._last_fit else 1 << 62
+        due = round(FIT_AGAIN * age)
+        epoch.fit_due = epoch.first + due if due <= self._last_fit else 1 << 62
         recorded = self._history.between(max(epoch.first, self._history.start), end)
         present = ~recorded.missing
         if np.mean(present) < LEAST_PRESENT or float(np.std(recorded.samples[present])) == 0.0:
@@ -186,39 +208,39 @@ class Watch:
             for i in candidate.linear:
                 units.setdefault(candidate.acts(i), (candidate, i))
         at = {acts: number for number, acts in enumerate(units)}
-        epoch.entries = [(c, [at[c.acts(i)] for i in c.linear]) for c in tried]
-        epoch.refit, epoch.stream = result, Stream(base, [*units.values()])
-        epoch.position = max(epoch.first, self._history.start)
-        linear = epoch.stream.linear
-        epoch.blocks = Blocks(self._windows[-1], 1 + linear + len(units), linear, self._block * CHUNK)
-        epoch.rows = epoch.stream.rows(self._block * CHUNK)
-        epoch.filled, epoch.count, epoch.named = 0, 0, {}
+        entries = [(c, [at[c.acts(i)] for i in c.linear]) for c in tried]
+        stream, samples = Stream(base, [*units.values()]), self._block * CHUNK
+        shapes = of_another_mode(base.linear, self._rate_hz, FINE_BANDS)
+        blocks = Blocks(self._windows[-1], 1 + stream.linear + len(units), stream.linear, samples, shapes)
+        position = max(epoch.first, self._history.start)
+        epoch.next = _Run(result, stream, entries, position, blocks, stream.rows(samples))
 
-    def _advance(self, epoch: _Epoch, stream: Stream) -> Found | None:
-        """One chunk on; how things stand, if it completes a block."""
-        first, blocks = epoch.position, epoch.blocks
+    def _advance(self, run: _Run) -> Found | None:
+        """One chunk on; how things stand, if it completes a block of what has just come."""
+        first = run.position
         part = self._history.between(first, first + CHUNK)
-        epoch.position += CHUNK
-        now = epoch.rows[epoch.filled : epoch.filled + CHUNK]
-        epoch.filled += CHUNK
-        if not stream.take(first, part.samples, part.missing, now):
-            epoch.filled = 0
-        if epoch.filled < len(epoch.rows) or blocks is None:
+        run.position += CHUNK
+        now = run.rows[run.filled : run.filled + CHUNK]
+        run.filled += CHUNK
+        if not run.stream.take(first, part.samples, part.missing, now):
+            run.filled = 0
+        if run.filled < len(run.rows):
             return None
-        samples, epoch.filled = epoch.filled, 0
-        blocks.append(epoch.position - samples, stream.columns(epoch.rows))
-        epoch.count += 1
-        onset = self._changed(epoch, blocks)
+        samples, run.filled = run.filled, 0
+        run.blocks.append(run.position - samples, run.stream.columns(run.rows))
+        run.count += 1
+        onset = self._changed(run)
         if onset is not None:
             self._begin(onset)
             return None
-        if self._work is not None or epoch.position + samples <= self._history.end:
+        if run.position + samples <= self._history.end:
             return None  # it is still catching up
-        return self._judge(epoch, blocks)
+        return self._judge(run)
 
-    def _changed(self, epoch: _Epoch, blocks: Blocks) -> int | None:
+    def _changed(self, run: _Run) -> int | None:
         """First sample of a change, if there is one: of the window in which it shows most."""
-        sizes = [size for size in self._due(epoch) if size + BEFORE <= len(blocks)]
+        blocks = run.blocks
+        sizes = [size for size in self._due(run) if size + BEFORE <= len(blocks)]
         if not sizes:
             return None
         for size in np.array(sizes)[blocks.changed_p(sizes) < CHANGED_P]:
@@ -226,35 +248,33 @@ class Watch:
             return blocks.firsts[-around[int(np.argmin(blocks.changed_p(around)))]]
         return None
 
-    def _due(self, epoch: _Epoch) -> Iterator[int]:
+    def _due(self, run: _Run) -> Iterator[int]:
         """Windows whose turn it is: each four times while it passes."""
-        return (size for size in self._windows if epoch.count % max(1, size // 4) == 0)
+        return (size for size in self._windows if run.count % max(1, size // 4) == 0)
 
-    def _name(self, epoch: _Epoch, blocks: Blocks) -> None:
+    def _name(self, run: _Run) -> None:
         """Ask the windows whose turn it is, and all blocks together while the epoch is young."""
-        entries = epoch.entries or []
-        favourite = max(epoch.named.values(), key=lambda each: each.evidence_nats, default=None)
-        sizes = [size for size in self._due(epoch) if LEAST_BLOCKS <= size <= len(blocks)]
+        blocks = run.blocks
+        favourite = max(run.named.values(), key=lambda each: each.evidence_nats, default=None)
+        sizes = [size for size in self._due(run) if LEAST_BLOCKS <= size <= len(blocks)]
         if len(blocks) < self._windows[-1]:
             if len(blocks) - 1 not in self._windows:
-                epoch.named.pop(len(blocks) - 1, None)
+                run.named.pop(len(blocks) - 1, None)
             sizes.append(len(blocks))
         name = favourite.candidate.name if favourite else None
         for size, rest in zip(sizes, blocks.newest(sizes), strict=True):
-            named = nonlinear(rest, entries, name, MARGIN_NATS)
+            named = nonlinear(rest, run.entries, name, MARGIN_NATS)
             if named is None:
-                epoch.named.pop(size, None)
+                run.named.pop(size, None)
             else:
-                epoch.named[size] = named
+                run.named[size] = named
 
-    def _judge(self, epoch: _Epoch, blocks: Blocks) -> Found | None:
+    def _judge(self, run: _Run) -> Found:
         """How things stand at the end of a block."""
-        result = epoch.refit
-        if result is None:
-            return None
-        self._name(epoch, blocks)
-        if epoch.named:
-            size, named = max(epoch.named.items(), key=lambda item: item[1].evidence_nats)
+        result, blocks = run.refit, run.blocks
+        self._name(run)
+        if run.named:
+            size, named = max(run.named.items(), key=lambda item: item[1].evidence_nats)
             if named.evidence_nats > result.gain_nats:
                 return of_force(named, blocks.firsts[-size], result.rms)
         since = blocks.firsts[0]

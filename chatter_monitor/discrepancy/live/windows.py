@@ -20,6 +20,8 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 BANDS = 24
+FINE_BANDS = 120  # in which a shape shows
+FEWEST_BLOCKS = 2  # that tell of a shape: the powers of one are too few to be nearly Gaussian
 RIDGE = 1e-9
 # Of a running sum: what is left of less than that when two are subtracted is rounding.
 _LOST = 1e-8
@@ -38,6 +40,8 @@ class Blocks:
         How many of the signatures stand for the linear machine; they come first.
     samples : int
         In a block.
+    shapes : ndarray of float64, shape (s, FINE_BANDS)
+        Of changes of the logarithm of the spectrum that are looked for, orthogonal to one of the level; unit length.
 
     Attributes
     ----------
@@ -45,12 +49,15 @@ class Blocks:
         First sample of each.
     """
 
-    def __init__(self, most: int, columns: int, linear: int, samples: int) -> None:
-        self._most, self._linear = most, linear
-        self._ordinates = samples // 2 / BANDS
-        self._edges = np.linspace(0, samples // 2, BANDS + 1).astype(np.int64)
+    def __init__(self, most: int, columns: int, linear: int, samples: int, shapes: Matrix) -> None:
+        self._most, self._linear, self._shapes = most, linear, shapes
+        self._ordinates = samples // 2
+        self._edges, self._fine_edges = (
+            np.linspace(0, samples // 2, bands + 1).astype(np.int64) for bands in (BANDS, FINE_BANDS)
+        )
         self._products = np.zeros((2 * most + 1, columns + 1, columns + 1))  # of errors, 1, signatures
         self._power = np.zeros((2 * most + 1, 2, BANDS))  # and its square
+        self._fine_power = np.zeros((2 * most + 1, FINE_BANDS))
         self.firsts: list[int] = []
 
     def __len__(self) -> int:
@@ -66,16 +73,19 @@ class Blocks:
         if not 0.0 < variance < np.inf:
             return
         if len(self) == 2 * self._most:
-            for sums in (self._products, self._power):
+            for sums in (self._products, self._power, self._fine_power):
                 sums[: self._most + 1] = sums[self._most :] - sums[self._most]
             del self.firsts[: self._most]
         at = len(self)
         periodogram = np.abs(np.fft.rfft(errors)[1:]) ** 2 / (errors.size * variance)
-        power = np.add.reduceat(periodogram, self._edges[:-1]) / np.diff(self._edges)
+        power, fine = (
+            np.add.reduceat(periodogram, edges[:-1]) / np.diff(edges) for edges in (self._edges, self._fine_edges)
+        )
         self._products[at + 1] = (
             self._products[at] + _with_offset(rows.T @ rows, np.ones(len(rows)) @ rows, len(rows)) / variance
         )
         self._power[at + 1] = self._power[at] + np.stack([power, power**2])
+        self._fine_power[at + 1] = self._fine_power[at] + fine
         self.firsts.append(first)
 
     def newest(self, sizes: Sequence[int]) -> list[Rest]:
@@ -94,21 +104,38 @@ class Blocks:
     def changed_p(self, sizes: Sequence[int]) -> Vector:
         """How often chance makes the newest blocks differ as much from those before them.
 
-        In the coefficients of the linear machine, or in the spectrum of the errors without its level.
+        In the coefficients of the linear machine; in the spectrum of the errors without its level; or in that spectrum
+        by one of the shapes, which takes much less of a change than all bands together do.
 
         Parameters
         ----------
         sizes : sequence of int
             How many are the newest, for each window.
         """
-        retuned, coloured = np.empty((2, len(sizes)))
+        retuned, coloured, spreads = np.empty((3, len(sizes)))
         size = np.array(sizes, dtype=np.int64)
+        ordinates = self._ordinates / BANDS
         kernel.changed(
-            self._products, self._power, len(self), size, 2, self._linear, self._ordinates, retuned, coloured
+            self._products, self._power, len(self), size, 2, self._linear, ordinates, retuned, coloured, spreads
         )
-        return np.minimum(
-            1.0, 2.0 * np.minimum(chdtrc(self._linear, np.maximum(retuned, 0.0)), chdtrc(BANDS - 1, coloured))
-        )
+        shaped = [self._shaped(size) / spread for size, spread in zip(sizes, spreads, strict=True)]
+        p = [
+            chdtrc(self._linear, np.maximum(retuned, 0.0)),
+            chdtrc(BANDS - 1, coloured),
+            max(len(self._shapes), 1) * chdtrc(1, np.array(shaped)),
+        ]
+        return np.asarray(np.minimum(1.0, len(p) * np.min(p, axis=0)))
+
+    def _shaped(self, size: int) -> float:
+        """Chi-squared of the shape that the newest blocks have most of next to those before; one degree of freedom."""
+        if size < FEWEST_BLOCKS or not len(self._shapes):
+            return 0.0
+        at = len(self) - size
+        new, old = (self._fine_power[len(self)] - self._fine_power[at]) / size, self._fine_power[at] / at
+        # Wilson and Hilferty (1931): the cube root of a mean of few ordinates is nearly Gaussian.
+        change = 3.0 * np.cbrt(new / old)
+        most = float(np.max(np.abs(self._shapes @ change)))
+        return most**2 * self._ordinates / FINE_BANDS / (1.0 / at + 1.0 / size)
 
 
 def _with_offset(products: Matrix, sums: Vector, samples: int) -> Matrix:
