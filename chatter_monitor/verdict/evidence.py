@@ -12,7 +12,7 @@ from chatter_monitor.records import Flag, ModeStatus, OdpFrame
 from chatter_monitor.tracking.channel import Observation
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.orders import Orders
-from chatter_monitor.tracking.spectrum import Line
+from chatter_monitor.tracking.spectrum import WINDOW_S, Line
 from chatter_monitor.tracking.spindle import SpindleSettings
 
 # A mode is looked at when it carries at least this share of the signal's power: the poles of a fit to little more than
@@ -29,6 +29,8 @@ ORDER_TOLERANCE_HZ = 6.0
 SPEED_DEVIATIONS = 2.33
 # Orders that any frequency is this likely to be near are not told apart.
 TELLING = 0.8
+# Lines nearer to each other are one line to the short-time spectrum, somewhere between them.
+RESOLUTION_HZ = 2.0 / WINDOW_S
 
 # Plain numbers, as kernels take them.
 OSCILLATORY, HELD, STARTING = int(ModeStatus.OSCILLATORY), int(ModeStatus.HELD), int(ModeStatus.STARTING)
@@ -191,12 +193,17 @@ def _mode_at(line: Line, modes: list[ModeEvidence]) -> ModeEvidence | None:
 
 
 def place_among_orders(frequency_hz: float, orders: Orders, spacing: int) -> Place | None:
-    """Place of a frequency among the multiples of so many times the rotation; None where that is unknown."""
+    """Place of a frequency among the multiples of so many times the rotation; None where that is unknown.
+
+    As long as the spindle is not heard its lines are still in the signal; those that are not resolved may be anywhere.
+    """
     if orders.rotation_hz is None:
         return None
+    spacing_hz = orders.rotation_hz * spacing
+    if orders.source == "given" and spacing_hz < RESOLUTION_HZ:
+        return Place(near=True, by_chance=1.0)
     deviation = (orders.rotation_sd_hz or 0.0) / orders.rotation_hz
     tolerance_hz = max(ORDER_TOLERANCE_HZ, SPEED_DEVIATIONS * deviation * frequency_hz)
-    spacing_hz = orders.rotation_hz * spacing
     order = round(frequency_hz / spacing_hz)
     near = order >= 1 and abs(frequency_hz - order * spacing_hz) < tolerance_hz
     return Place(near, min(2.0 * tolerance_hz / spacing_hz, 1.0))

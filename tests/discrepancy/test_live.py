@@ -105,7 +105,7 @@ def test_another_gain_is_no_mechanics():
 
 
 def test_a_weak_second_mode_is_told():
-    """A mode that adds a fortieth to the motion from some moment on is told within six seconds, where it is."""
+    """A mode of participation 0.24 that is there from some moment on is told within six seconds, where it is."""
     one, other = Mode(300.0, 0.03), Mode(470.0, 0.03, 0.24)
     before, after = linear(2400.0, 0.0, one), linear(2400.0, 0.0, one, other)
     runs = [simulate(system, seconds, 5, settle_s=1.0).signal for system, seconds in ((before, 12.0), (after, 14.0))]

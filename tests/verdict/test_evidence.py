@@ -154,6 +154,8 @@ def test_by_chance_is_the_share_of_frequencies_on_an_order(rotation_hz):
         (300.0 * 1.03, 100.0, 3, "given", True),  # a nominal speed is some percent off
         (300.0 * 1.03, 100.0, 3, "found", False),
         (3600.0 * 1.03, 100.0, 3, "given", False),  # of which 3.5 % are too much to tell orders apart
+        (320.8, 40.1, 1, "given", False),  # lines 40 Hz apart are one line to the short-time spectrum
+        (320.8, 40.1, 1, "refined", True),  # when the spindle is heard they are out of the signal
         (993.6, None, 6, None, False),
     ],
 )
