@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
+from chatter_monitor.discrepancy.findings import IN_WORDS
 from chatter_monitor.discrepancy.prove.blind.case import make_case
 from chatter_monitor.discrepancy.prove.blind.chain import RATE_HZ
 from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE, Effect
@@ -65,20 +66,22 @@ def row(judged: Judged, summary: str) -> str:
     return f"{head}{judged.outcome:>11s}{where:>9s}  {summary}"
 
 
-def counted(judged: Iterable[Judged]) -> Iterator[str]:
-    """How many are named, located and wrong, of those that can be told and the others."""
-    listed = list(judged)
+def counted(answers: Iterable[tuple[Judged, str]]) -> Iterator[str]:
+    """How many are named, listed among names that are not told apart, located and wrong, of the tellable and others."""
+    everything = list(answers)
     for above in (False, True):
-        of_kind = [j for j in listed if j.kind.endswith("above") == above]
+        of_kind = [(j, said) for j, said in everything if j.kind.endswith("above") == above]
         for tellable in (True, False):
-            some = [j for j in of_kind if ((j.true_gain_nats or 0.0) >= TELLING_NATS) == tellable]
-            outcomes = [j.outcome for j in some]
-            located = sum((j.overlap or 0.0) >= OVERLAP for j in some)
+            some = [(j, said) for j, said in of_kind if ((j.true_gain_nats or 0.0) >= TELLING_NATS) == tellable]
+            outcomes = [j.outcome for j, _ in some]
+            listed = sum(j.outcome == "abstained" and IN_WORDS[j.truth] in said for j, said in some)
+            located = sum((j.overlap or 0.0) >= OVERLAP for j, _ in some)
             telling = (
                 f"{'above an amplitude' if above else 'in a stretch'}, {'tellable' if tellable else 'not tellable'}"
             )
             yield (
-                f"{telling:36s}{len(some):4d}: named {outcomes.count('right')}, unknown {outcomes.count('abstained')}, "
+                f"{telling:36s}{len(some):4d}: named {outcomes.count('right')}, unknown {outcomes.count('abstained')} "
+                f"(the truth among the names listed in {listed}), "
                 f"missed {outcomes.count('missed')}, wrong {outcomes.count('wrong')}; "
                 f"located to {100 * OVERLAP:.0f} % {located}"
             )
@@ -101,7 +104,7 @@ def main() -> None:
     judged = []
     with ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool:
         for one, summary in pool.map(answered, cases):
-            judged.append(one)
+            judged.append((one, summary))
             print(row(one, summary), flush=True)
     print("\n".join(counted(judged)))
 

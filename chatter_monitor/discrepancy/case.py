@@ -26,6 +26,29 @@ LEAST_BLOCKS = 8  # of a short recording, whose blocks are shorter
 SURE = 1e-5  # chance that is not believed in
 
 
+@dataclass(frozen=True, slots=True)
+class Threshold:
+    """Amplitude sqrt(x^2 + (v / w)^2) above which a force acts.
+
+    Attributes
+    ----------
+    above : float
+        The most likely.
+    ci95 : (float, float)
+        95 % interval, by the likelihood ratio; it begins at 0 where the force may as well act all along.
+    gain_nats : float
+        Over the same force acting all along, the amplitude paid for.
+    """
+
+    above: float
+    ci95: tuple[float, float]
+    gain_nats: float
+
+    def __str__(self) -> str:
+        low, high = self.ci95
+        return f"above an amplitude of {self.above:.3g} u ({low:.3g} to {high:.3g})"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Local:
     """An effect in a part of the recording, or of the amplitudes, only.
@@ -46,8 +69,8 @@ class Local:
         Of the held-out blocks.
     between_s : (float, float), optional
         Stretch of the recording in which it acts.
-    above : float, optional
-        Amplitude sqrt(x^2 + (v / w)^2) above which it acts.
+    threshold : Threshold, optional
+        Above which it acts.
     """
 
     candidate: Candidate | None
@@ -57,14 +80,14 @@ class Local:
     held_out_nats: float
     p_value: float
     between_s: tuple[float, float] | None = None
-    above: float | None = None
+    threshold: Threshold | None = None
 
     @property
     def where(self) -> str:
         """In words."""
         if self.between_s is not None:
             return f"from {self.between_s[0]:.1f} to {self.between_s[1]:.1f} s"
-        return f"above an amplitude of {self.above:.3g}"
+        return str(self.threshold)
 
 
 @dataclass(eq=False)
@@ -77,6 +100,8 @@ class Case:
         The base model as given.
     whole, recorded : Recorded
         The recording in units of motion (the gain of the sensor and the mean taken out), and its part within the band.
+    but_s : (float, float), optional
+        Stretch in which something acts, so that it tells nothing of the machine, the sensor and what excites them.
     """
 
     system: MachiningSystem
@@ -88,6 +113,7 @@ class Case:
     tones: list[Line] = field(default_factory=list)
     unrest: Restlessness | None = None
     offset_p: float = 1.0
+    but_s: tuple[float, float] | None = None
     evidence: Evidence = field(init=False)
     contest: Contest = field(init=False)
     matrix: NDArray[np.float64] = field(init=False)
@@ -100,6 +126,7 @@ class Case:
     rest_maps: list[Statistic] = field(default_factory=list)
     swing: Modulation | None = None
     local: Local | None = None
+    threshold: Threshold | None = None
     drift: Statistic | None = None
 
     def explained(self) -> Vector:
@@ -108,6 +135,13 @@ class Case:
         columns = [c for scored in self.named for c in scored.columns if c not in nuisance]
         fit = self.evidence.regress(columns)
         return np.asarray(self.innovations.white - fit.all_coefficients @ self.matrix[[*nuisance, *columns]])
+
+    @property
+    def telling(self) -> NDArray[np.bool_]:
+        """Samples whose errors tell of the machine and of what excites it."""
+        at = np.arange(self.recorded.samples.size) / self.recorded.rate_hz
+        begin, end = self.but_s or (0.0, 0.0)
+        return np.asarray(self.innovations.used & ~((at >= begin) & (at < end)))
 
     @property
     def block_s(self) -> float:

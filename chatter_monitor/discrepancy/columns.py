@@ -53,7 +53,7 @@ def gather(case: Case) -> None:
     add("memory", basis.by_memory(inn))
     add("time", basis.along_time(inn))
     add("angle", basis.along_angle(inn))
-    unrest = restlessness(inn.white, inn.used, recorded.rate_hz)
+    unrest = restlessness(inn.white, case.telling, recorded.rate_hz)
     case.unrest = unrest
     weight = case.weight
     block = max(1, round(case.block_s * recorded.rate_hz))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from chatter_monitor.discrepancy.above import named_above
 from chatter_monitor.discrepancy.account import alternatives, calibration, held_out_fit, information, one_cut
 from chatter_monitor.discrepancy.augment import Augmented, Start, augment, calibrated, fullest
 from chatter_monitor.discrepancy.case import SURE, Case
@@ -27,6 +28,7 @@ from chatter_monitor.discrepancy.findings import (
 )
 from chatter_monitor.discrepancy.innovations import Diverged
 from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
+from chatter_monitor.discrepancy.local import APART_NATS
 from chatter_monitor.discrepancy.name import MOST_TERMS, PRICE_NATS, Scored
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.report import Finding, Fit, Located, Report, Statistic, Verdict
@@ -105,7 +107,7 @@ def conclude(case: Case) -> Diagnosis:
     omissions = case.base.omissions
     if case.offset_p < SURE:
         findings.append(plain("offset_drift", None, {}, 0.0, case.offset_p))
-    rest = restlessness(case.explained(), case.innovations.used, case.recorded.rate_hz)
+    rest = restlessness(case.explained(), case.telling, case.recorded.rate_hz)
     if rest.kind is not None:
         findings.append(plain(rest.kind, None, {}, rest.gain_nats, rest.p_value))
     augmented = None
@@ -129,6 +131,7 @@ def conclude(case: Case) -> Diagnosis:
                 pass  # then the first has to do
         known = {each.name for each in plane}
         case.rest_maps = [*plane, *(each for each in case.rest_maps if each.name not in known)]
+        case.threshold = named_above(case)
         for scored, parameters in zip(case.named, augmented.parameters, strict=True):
             findings.append(of_term(scored, parameters))
     elif delayed or omissions:
@@ -163,6 +166,9 @@ def conclude(case: Case) -> Diagnosis:
         verdict = "parameters" if retuned else "none"
     if verdict == "unknown" and findings:
         warnings.append(f"Named, but not all that is there: {', '.join(f.name for f in findings)}.")
+    if verdict == "missing_physics" and any(_where(case, finding) for finding in findings):
+        has = "has this one all along" if case.local is None else "is the machine without this one"
+        warnings.append(f"A model file has no force that acts in a part only: model.toml {has}.")
     if verdict == "parameters":
         warnings += one_cut(case)
     where = whereabouts(case, findings, strange)
@@ -277,6 +283,16 @@ def _freedom(statistic: Statistic) -> float:
     return low
 
 
+def _where(case: Case, finding: Finding) -> str:
+    """In words, of a term that does not act all along."""
+    if case.local is not None and finding.name == case.local.as_likely[0].name:
+        return f", {case.local.where} only"
+    if case.threshold is not None and finding.name == case.named[0].candidate.name:
+        sure = case.threshold.gain_nats > APART_NATS
+        return f", {'' if sure else 'perhaps '}{case.threshold} only"
+    return ""
+
+
 def _summary(case: Case, verdict: Verdict, findings: Sequence[Finding], strange: Sequence[str]) -> str:
     after = calibration(case).after
     mode = after["mode.1.frequency_hz"].value, 100.0 * after["mode.1.damping_ratio"].value
@@ -293,5 +309,5 @@ def _summary(case: Case, verdict: Verdict, findings: Sequence[Finding], strange:
             if all(each.startswith(_TIED) for each in strange):
                 return f"The recording shows {shown}. It cannot tell which, so none is named. {tuned}"
             return f"The recording shows {shown}. No term of the catalogue explains it, so none is named. {tuned}"
-    spoken = "; ".join(IN_WORDS[f.name] + (f" ({f.sense})" if f.sense else "") for f in findings)
+    spoken = "; ".join(IN_WORDS[f.name] + (f" ({f.sense})" if f.sense else "") + _where(case, f) for f in findings)
     return f"The simulation lacks {spoken}. {tuned}"

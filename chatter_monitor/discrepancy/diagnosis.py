@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy import basis
+from chatter_monitor.discrepancy.above import LEFT_SHARE, find_above
 from chatter_monitor.discrepancy.band import FADE_S, Recorded, within_band, without
 from chatter_monitor.discrepancy.case import SURE, Case
 from chatter_monitor.discrepancy.ceiling import Surface, ceiling
@@ -23,7 +24,7 @@ from chatter_monitor.discrepancy.faults import (
 )
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.linear import Base, calibrate, fit_base
-from chatter_monitor.discrepancy.local import find_above, find_local
+from chatter_monitor.discrepancy.local import find_local
 from chatter_monitor.discrepancy.locate import (
     frequency_map,
     lag_map,
@@ -175,7 +176,9 @@ def _asked_again(case: Case, recorded: Recorded, between_s: tuple[float, float])
     base = fit_base(rest, _given(case.system))
     model = _as_model(base, case.system)
     innovations = Innovations(cleaned, *model, Innovations(rest, *model).taps)
-    again = Case(case.system, case.whole, cleaned, base, innovations, case.clipped, case.tones, offset_p=offset_p)
+    again = Case(
+        case.system, case.whole, cleaned, base, innovations, case.clipped, case.tones, None, offset_p, between_s
+    )
     gather(again)
     _look(again)
     return case if again.local is None else again
@@ -224,6 +227,9 @@ def _decide(case: Case) -> None:
             evidence.nuisance += case.columns["time"]
     if case.local is not None or case.drift is not None:
         case.named, case.ranking = case.contest.run()
+    if case.local is not None and case.local.threshold is not None:
+        least = LEFT_SHARE * case.local.as_likely[0].evidence_nats
+        case.named = case.named if case.named and case.named[0].evidence_nats > least else []
     with case.contest.beside([column for scored in case.named for column in scored.columns]):
         case.rest = ceiling(evidence, case.columns["surface"], case.training)
         case.rest_maps = _maps(case, evidence)

@@ -1,7 +1,7 @@
-"""An effect that acts in a part of the recording only, or only above an amplitude.
+"""An effect that acts in a stretch of the recording only.
 
-First where: the training blocks say in which stretch, or above which amplitude, any candidate gains most; a spring and
-a damper that change there are candidates, too. Then what: all candidates, confined to that part, against each other, as
+First where: the training blocks say in which stretch any candidate gains most; a spring and a damper that change there
+are candidates, too. Then what: all candidates, confined to that part, against each other, as
 those that act all along are (`name.Contest`). Several that explain it about equally are not told apart.
 """
 
@@ -13,7 +13,6 @@ from itertools import chain, combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.candidates import Candidate
 from chatter_monitor.discrepancy.case import Case, Local
 from chatter_monitor.discrepancy.evidence import Evidence
@@ -30,8 +29,6 @@ LESS_NATS = 10.0  # by which an effect in a part of the recording has to beat ev
 APART_NATS, CHANGED_SHARE = 3.0, 0.05
 ENDS_S = 0.05  # to which the ends of a stretch are told
 LEAST_BLOCKS = 2  # of the training blocks
-ABOVE = np.geomspace(0.8, 2.4, 7)  # amplitudes tried, over the rms displacement; then as many about the best
-_FINER = np.linspace(-1.0, 1.0, 9)[1:-1]  # steps of those
 _SEEN = 1e-6  # share of a column's products with itself that has to lie in a stretch
 RETUNED = "parameter_drift"  # of a spring and a damper that change there
 
@@ -68,61 +65,16 @@ def find_local(case: Case) -> Local | None:
     between_s = _ends(case, *where)
     inside = acting(case.innovations, between_s)[0]
     confined = {c: case.matrix[[c]] * inside for c in chain.from_iterable(columns for _, columns, _ in entries)}
-    return _told(case, case.contest.entries, confined, case.columns["retuning"][:2], 2, between_s=between_s)
+    return told(case, case.contest.entries, confined, case.columns["retuning"][:2], 2, between_s=between_s)
 
 
-def find_above(case: Case) -> Local | None:
-    """An effect above an amplitude only.
-
-    The best shape of each name is tried at several amplitudes, the best of all then at some more around it.
-    """
-    leaders = case.contest.best([], case.training).values()
-    tried = [(candidate, columns) for _, candidate, columns, _ in leaders]
-    sd_x, _ = scales(case.innovations.motion)
-    best = _best_above(case, tried, sd_x * ABOVE)
-    if best is None:
-        return None
-    ratio = float(ABOVE[1] / ABOVE[0])
-    entry, above = best
-    _, above = _best_above(case, [entry], above * ratio**_FINER) or best
-    return _told(case, tried, _confined(case, tried, np.array([above])), [], 1, above=above)
-
-
-def _confined(case: Case, tried: Sequence[Entry], amplitudes: Vector) -> dict[int, NDArray[np.float64]]:
-    """Signatures above amplitudes, shape (amplitudes, n), by the columns of what acts all along."""
-    inn = case.innovations
-    columns = [column for _, of_it in tried for column in of_it]
-    units = [(candidate.term, candidate.unit(i)) for candidate, _ in tried for i in candidate.linear]
-    signatures = inn.respond(inn.forces(units), [acting(inn, above=above) for above in amplitudes])
-    return dict(zip(columns, signatures.reshape(len(columns), len(amplitudes), -1), strict=True))
-
-
-def _best_above(case: Case, tried: Sequence[Entry], amplitudes: Vector) -> tuple[Entry, float] | None:
-    """Of candidates above each of several amplitudes, the one that gains most on the training blocks."""
-    nuisance = case.matrix[case.evidence.nuisance]
-    k, best, found = len(nuisance), 0.0, None
-    confined = _confined(case, tried, amplitudes)
-    first = dict(zip(confined, range(k, k + len(confined) * len(amplitudes), len(amplitudes)), strict=True))
-    columns_here = [*nuisance, *(signature for of_column in confined.values() for signature in of_column)]
-    evidence = Evidence(case.innovations.white, columns_here, case.weight, range(k), case.evidence.block)
-    for candidate, columns in tried:
-        for i, above in enumerate(amplitudes):
-            here = [first[column] + i for column in columns]
-            left, fit = evidence.bounded(here, candidate.lower, PRICE_NATS, case.training)
-            gain = fit.gain - PRICE_NATS * (1 + len(left) + candidate.shapes)
-            if left and gain > best:
-                best, found = gain, ((candidate, columns), float(above))
-    return found
-
-
-def _told(
+def told(
     case: Case,
     entries: Sequence[Entry],
     confined: Mapping[int, NDArray[np.float64]],
     retuning: Sequence[int],
     ends: int,
     between_s: tuple[float, float] | None = None,
-    above: float | None = None,
 ) -> Local | None:
     """What explains a part of the recording best, on all blocks; None if the held-out blocks do not confirm it.
 
@@ -136,8 +88,8 @@ def _told(
         Columns of a spring and a damper that may change there.
     ends : int
         How many numbers say where.
-    between_s, above
-        Where.
+    between_s : (float, float), optional
+        The stretch, if it is one.
     """
     nuisance, numbers = case.matrix[case.evidence.nuisance], list(confined)
     k = len(nuisance)
@@ -176,7 +128,7 @@ def _told(
     near = {name: _from_change(leads) if RETUNED in (name, order[0]) else APART_NATS for name in order}
     as_likely = [Alternative(name, float(names[name])) for name in order if names[name] > leads - near[name]]
     candidate = ranking[0].candidate if units else None
-    return Local(candidate, units, [columns[i] for i in leading], as_likely, held, p, between_s, above)
+    return Local(candidate, units, [columns[i] for i in leading], as_likely, held, p, between_s)
 
 
 def _from_change(evidence_nats: float) -> float:

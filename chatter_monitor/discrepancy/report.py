@@ -41,6 +41,8 @@ class Located(msgspec.Struct, frozen=True):
         The test that speaks most clearly.
     maps : list of Statistic
         One test for each of the maps, of the base model; uniform p-values if the base model explains everything.
+    amplitude_ci95 : (float, float), optional
+        Where a force acts above an amplitude only: 95 % interval of that amplitude, the first of the two, in u.
     """
 
     time_s: list[Interval] = []
@@ -51,6 +53,7 @@ class Located(msgspec.Struct, frozen=True):
     order: float | None = None
     statistic: Statistic | None = None
     maps: list[Statistic] = []
+    amplitude_ci95: Interval | None = None
 
 
 class Estimate(msgspec.Struct, frozen=True):

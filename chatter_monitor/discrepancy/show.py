@@ -17,7 +17,7 @@ from scipy import signal as dsp
 from scipy import stats
 
 from chatter_monitor.discrepancy.basis import REACH, scales, surface_at
-from chatter_monitor.discrepancy.case import Case
+from chatter_monitor.discrepancy.case import Case, Local
 from chatter_monitor.discrepancy.conclude import Diagnosis, base_of, conclude
 from chatter_monitor.discrepancy.locate import frequency_map, lag_map
 from chatter_monitor.discrepancy.report import FreeRun, Report
@@ -218,7 +218,7 @@ def _tables(report: Report) -> str:
             f"{fit.residual_white_p_after:.2g} after.</p>"
         )
     if free is not None:
-        runs = [
+        runs: list[tuple[str, ...]] = [
             ("rms", *(f"{value:.4g}" for value in free.rms)),
             ("kurtosis", *(f"{value:.3f}" for value in free.kurtosis)),
             (
@@ -228,7 +228,9 @@ def _tables(report: Report) -> str:
                 f"{fit.psd_distance_db_after:.3f}",
             ),
         ]
-        parts += ["<h2>Free-running</h2>", _table(("", "recording", "base", "augmented"), runs)]
+        shown = 4 if (free.rms[1], free.kurtosis[1]) != (free.rms[2], free.kurtosis[2]) else 3  # nothing was added
+        head = ("", "recording", "base", "augmented")
+        parts += ["<h2>Free-running</h2>", _table(head[:shown], [row[:shown] for row in runs])]
     if maps:
         parts += ["<h2>Maps</h2>", _table(("map", "statistic", "p"), maps)]
     if others:
@@ -256,6 +258,9 @@ def _maps(case: Case) -> str:
     axes[0].set(
         xlabel="time, s", ylabel="mean square of the errors", title=f"time, p = {p['time']:.2g}", ylim=(0, None)
     )
+    if case.local is not None and case.local.between_s is not None:
+        axes[0].axvspan(*case.local.between_s, color=AUGMENTED, alpha=0.12, lw=0)
+        _draw_explained(axes[0], case, case.local, block)
     _, f, ratio = frequency_map(case.base.spectrum, case.base.fitted)
     axes[1].plot(f, 10.0 * np.log10(ratio), color=RECORDED)
     axes[1].set(xlabel="Hz", ylabel="recording over base, dB", title=f"frequency, p = {p['frequency']:.2g}")
@@ -268,6 +273,31 @@ def _maps(case: Case) -> str:
     axes[4].set(xlabel="lag, ms", ylabel="correlation, standard deviations", title=f"lag, p = {p['lag']:.2g}")
     _draw_angle(axes[5], case, p["angle"])
     return encoded(figure)
+
+
+def _draw_explained(axes: Axes, case: Case, local: Local, block: int) -> None:
+    """What a force that acts in a stretch explains up to each time if it is taken to act all along.
+
+    It rises where the force acts and falls where it does not.
+    """
+    retuning = case.columns["retuning"][:2]
+    everywhere = retuning
+    if local.candidate is not None:
+        of_it = next(columns for candidate, columns in case.contest.entries if candidate == local.candidate)
+        everywhere = [of_it[local.candidate.linear.index(i)] for i in local.units]
+    columns = [*retuning, *case.columns["local"][: len(everywhere)]]
+    errors, weighted = case.innovations.white * case.weight, case.matrix[columns] * case.weight
+    coefficients = np.linalg.lstsq(weighted.T, errors, rcond=None)[0]
+    errors = errors - coefficients[: len(retuning)] @ weighted[: len(retuning)]
+    force = coefficients[len(retuning) :] @ (case.matrix[everywhere] * case.weight)
+    gain = np.cumsum(force * (errors - 0.5 * force))[::block]
+    beside = axes.twinx()
+    at = np.arange(gain.size) * block / case.recorded.rate_hz
+    beside.plot(at, gain, color=AUGMENTED, lw=1, label="nats that the force explains up to then")
+    beside.tick_params(axis="y", direction="in", pad=-6, labelcolor=AUGMENTED)
+    for label in beside.get_yticklabels():
+        label.set_horizontalalignment("right")
+    beside.legend(fontsize="small", loc="lower left")
 
 
 def _draw_plane(axes: Axes, case: Case, p: float) -> None:
@@ -303,6 +333,8 @@ def _draw_amplitude(axes: Axes, case: Case, p: float) -> None:
         unit = w * w if column == 0 else 2.0 * case.innovations.linear.modes[0].damping_ratio * w
         axes.errorbar(centre, 100 * value / unit, 196 / np.sqrt(information) / unit, fmt=".-", color=color, label=label)
     axes.axhline(0.0, color="0.6", lw=0.8)
+    if case.local is not None and case.local.threshold is not None:
+        axes.axvspan(case.local.threshold.above / sd_x, edges[-1], color=AUGMENTED, alpha=0.15, lw=0)
     axes.set(xlabel="amplitude / rms", ylabel="change, %", title=f"amplitude, p = {p:.2g}")
     axes.legend(fontsize="small")
 

@@ -38,10 +38,11 @@ def whereabouts(case: Case, findings: Sequence[Finding], strange: Sequence[str])
         _, lags, correlation = lag_map(case.explained(), case.innovations.used, case.recorded.rate_hz)
         lag_s = float(lags[45 + int(np.argmax(np.abs(correlation[45:])))])
     amplitude, state = _where(case)
-    if case.local is not None and case.local.above is not None:
+    threshold, interval = case.local.threshold if case.local is not None else case.threshold, None
+    if threshold is not None:
         motion = case.innovations.motion
         highest = float(np.max(np.hypot(motion.x[0], motion.v[0] / case.innovations.observer.omega)))
-        amplitude = (case.local.above, max(highest, case.local.above))
+        amplitude, interval = (threshold.above, max(highest, threshold.above)), threshold.ci95
     order = None
     angle = next(each for each in maps if each.name == "angle")
     if angle.p_value < 1e-3 and case.system.spindle is not None and case.swing is not None:
@@ -49,7 +50,7 @@ def whereabouts(case: Case, findings: Sequence[Finding], strange: Sequence[str])
     if not bands and case.swing is not None and angle.p_value < MAPPED_P:
         bands = [(case.swing.frequency_hz, case.swing.frequency_hz)]
     clearest = min(significant or maps, key=lambda each: each.p_value)
-    return Located(time, bands, amplitude, state, lag_s, order, clearest, maps)
+    return Located(time, bands, amplitude, state, lag_s, order, clearest, maps, interval)
 
 
 def _where(case: Case) -> tuple[tuple[float, float] | None, str | None]:

@@ -9,6 +9,7 @@ import pytest
 
 from chatter_monitor.discrepancy.conclude import Diagnosis, conclude
 from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
+from chatter_monitor.discrepancy.show import page
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import Mode, Sensor, Spindle
 from tests.discrepancy.machine import Machine, coefficient, record
@@ -106,8 +107,13 @@ def test_a_stiffness_that_remembers_is_no_spring_of_the_catalogue():
 def test_an_effect_in_a_part_of_the_recording_is_located_there():
     """A clearance that opens for 3 of 10 s is named, found where it is, and is no second mode."""
     begin, end = 4.3, 7.3
-    report = diagnosed(Machine("clearance", 0.06, between_s=(begin, end), **SHORT), 111).report
+    diagnosis = diagnosed(Machine("clearance", 0.06, between_s=(begin, end), **SHORT), 111)
+    report = diagnosis.report
     assert [term.name for term in report.terms] == ["clearance"], report.summary
+    assert "s only" in report.summary
+    html, _ = page(diagnosis, "recording")
+    assert html.count("<img") == 3
+    assert "model.toml is the machine without this one" in html
     [(first, last)] = report.located.time_s
     assert min(last, end) - max(first, begin) > 0.8 * (max(last, end) - min(first, begin))
 
@@ -138,6 +144,8 @@ def test_friction_above_an_amplitude_is_located_there():
     assert [term.name for term in report.terms] == ["coulomb_friction"], report.summary
     assert report.located.amplitude[0] == pytest.approx(0.9, abs=0.1)
     assert "above an amplitude" in report.terms[0].why
+    low, high = report.located.amplitude_ci95
+    assert 0.7 < low < report.located.amplitude[0] < high < 1.0
 
 
 @pytest.mark.xfail(strict=True, reason="on average a tenth too small, here a quarter (decision 23)")

@@ -72,7 +72,7 @@ def draw_diagnosis(stream: Stream, directory: Path) -> None:
     )
     stream.show(
         rrb.Blueprint(
-            rrb.Horizontal(words, rrb.Vertical(*views, row_shares=[2, 1][: len(views)]), column_shares=[2, 3])
+            rrb.Horizontal(words, rrb.Vertical(*views, row_shares=[2, 1, 1][: len(views)]), column_shares=[2, 3])
             if views
             else words,
             rrb.TimePanel(state="hidden"),
