@@ -187,7 +187,7 @@ class NaiveVibration:
             self.missed, self.hertz = 0, line["frequency_hz"]
             self.follow_frequency()
             self.odds += vibrations.AVERAGING * (line["order_odds"] - self.odds)
-            dominance = self.dominance + vibrations.AVERAGING * (line["share"] * line["left"] - self.dominance)
+            dominance = self.dominance + vibrations.AVERAGING * (line["dominance"] - self.dominance)
             self.dominance = max(dominance, self.dominance if self.alarm_for else 0.0)
             seen = self.likeness(line, weights)
         self.kinds = self.forward(seen, rules.chain)
@@ -216,8 +216,10 @@ class NaiveVibration:
 
     def likeness(self, line: np.void, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.chattered and line["long_rise"] < vibrations.DIED_DOWN:
-            return np.full(2, -CONVINCING)
-        seen = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
+            return np.full(3, -CONVINCING)
+        growth, calm = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
+        louder = min(line["long_rise"], line["absolute_rise"])
+        seen = np.array([growth, calm, max(calm - 8.0 * max(louder - 0.8, 0.0), -CONVINCING)])
         least = np.exp(-vibrations.COHERENT_DAMPING * 2.0 * np.pi * line["frequency_hz"] * 0.025)
         if line["coherence"] < max(least, vibrations.LEAST_COHERENCE):
             seen[0] = min(seen[0], 0.0)
@@ -230,7 +232,7 @@ class NaiveVibration:
         change[2, 0] = chain.ends
         change[3, 0], change[3, 1] = chain.ends, chain.grows_when_steady
         change += np.diag(1.0 - change.sum(axis=1))
-        likelihood = np.exp(chain.evidence * np.array([0.0, seen[0], seen[1], seen[1]]))
+        likelihood = np.exp(chain.evidence * np.array([0.0, *seen]))
         posterior = self.kinds @ change * likelihood
         return np.asarray(posterior / posterior.sum())
 
@@ -248,7 +250,7 @@ def follow_all(
         else:
             vibration.interval(None, rules, weights)
     for line in left:
-        before.append(NaiveVibration(line["frequency_hz"], line["order_odds"], line["share"] * line["left"]))
+        before.append(NaiveVibration(line["frequency_hz"], line["order_odds"], line["dominance"]))
         before[-1].interval(line, rules, weights)
     limits = (vibrations.FORGOTTEN, vibrations.FORGOTTEN_CHATTER)
     return sorted((v for v in before if v.missed < limits[v.chattered]), key=lambda v: -v.self_excited)

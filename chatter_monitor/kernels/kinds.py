@@ -20,14 +20,17 @@ from chatter_monitor.kernels.options import OPTIONS
 
 # No single frame says more than this.
 CONVINCING = 8.0
+# What is louder by so much than it has been for seconds (natural logarithm of the amplitude), in itself and beyond its
+# surroundings, has hardly been there from the start: by so much less likely for each e-fold beyond.
+LOUDER, UNLIKELY = 0.8, 8.0
 
 MEASURES = 11
 # Lag of the coherence of a line.
 COHERENCE_LAG_S = 0.025
 
 # A line of the short-time spectrum (`tracking.spectrum.Line`), with the damping ratio of the tracker's mode at it, or
-# its own where there is none, its log odds for self-excitation by its place among the orders, and which share of the
-# power there has not been taken out with what turns.
+# its own where there is none, its log odds for self-excitation by its place among the orders, and the share of the
+# power that its vibration takes.
 LINE = np.dtype(
     [
         ("frequency_hz", float),
@@ -41,7 +44,7 @@ LINE = np.dtype(
         ("coherence", float),
         ("damping_ratio", float),
         ("order_odds", float),
-        ("left", float),
+        ("dominance", float),
     ]
 )
 
@@ -85,13 +88,22 @@ PRIOR = Kinds(noise=0.98, growing=2e-4, saturated=2e-4, steady=0.0196)
 
 
 class Likeness(NamedTuple):
-    """Logarithm of the likelihood of a frame under growth, and under a calm coherent line, over that under noise."""
+    """Logarithm of the likelihood of a frame over that under noise.
+
+    Attributes
+    ----------
+    growth, calm : float
+        Under growth, and under a calm coherent line.
+    steady : float
+        Under one that has been there from the start: the same, less where it is louder than it was.
+    """
 
     growth: float
     calm: float
+    steady: float
 
 
-NOTHING = Likeness(-CONVINCING, -CONVINCING)
+NOTHING = Likeness(-CONVINCING, -CONVINCING, -CONVINCING)
 
 
 @njit(**OPTIONS)
@@ -128,7 +140,7 @@ def coherence_damping(coherence, frequency_hz):
 
 @njit(**OPTIONS)
 def likeness(line, weights):
-    """How much a line looks like growth, and like something coherent and steady.
+    """How much a line looks like growth, like something calm, and like something steady from the start.
 
     Parameters
     ----------
@@ -142,7 +154,9 @@ def likeness(line, weights):
     for i in range(MEASURES):
         growth += weights[0, i] * x[i]
         calm += weights[1, i] * x[i]
-    return Likeness(_bounded(growth + weights[0, MEASURES]), _bounded(calm + weights[1, MEASURES]))
+    calm = _bounded(calm + weights[1, MEASURES])
+    louder = max(min(line.long_rise, line.absolute_rise) - LOUDER, 0.0)
+    return Likeness(_bounded(growth + weights[0, MEASURES]), calm, _bounded(calm - UNLIKELY * louder))
 
 
 @njit(**OPTIONS)
@@ -170,11 +184,10 @@ def follow(before, seen, chain, again):
     steady -= ended_steady + begun_when_steady - (0.0 if again else begun_calm)
 
     most = max(0.0, seen.growth, seen.calm)
-    calm = math.exp(chain.evidence * (seen.calm - most))
     noise *= math.exp(-chain.evidence * most)
     growing *= math.exp(chain.evidence * (seen.growth - most))
-    saturated *= calm
-    steady *= calm
+    saturated *= math.exp(chain.evidence * (seen.calm - most))
+    steady *= math.exp(chain.evidence * (seen.steady - most))
     total = noise + growing + saturated + steady
     return Kinds(noise / total, growing / total, saturated / total, steady / total)
 

@@ -13,7 +13,7 @@ from chatter_monitor.kernels.options import OPTIONS
 SAME_VIBRATION = 0.06
 LINE_WIDTH_HZ = 25.0
 # What an interval says of a vibration that none of its prominent lines belongs to.
-NOT_HEARD = Likeness(-1.0, -1.0)
+NOT_HEARD = Likeness(-1.0, -1.0, -1.0)
 # Intervals without a line after which it is forgotten; a minute if it has chattered, because it will again.
 FORGOTTEN, FORGOTTEN_CHATTER = 10, 1200
 # What grows by itself is coherent; noise that comes and goes is not, nor is a mode that it drives: beyond this damping
@@ -170,7 +170,7 @@ def _begin(vibration, line):
     """A vibration that is heard for the first time."""
     _set_kinds(vibration, PRIOR)
     vibration.order_odds = line.order_odds
-    vibration.dominance = line.share * line.left
+    vibration.dominance = line.dominance
     vibration.alarm_for = 0
     vibration.chattered = False
     vibration.heard = 0
@@ -186,7 +186,7 @@ def _heard(vibration, line, rules, weights):
     vibration.frequency_hz = line.frequency_hz
     _glide(vibration)
     vibration.order_odds += AVERAGING * (line.order_odds - vibration.order_odds)
-    dominance = vibration.dominance + AVERAGING * (line.share * line.left - vibration.dominance)
+    dominance = vibration.dominance + AVERAGING * (line.dominance - vibration.dominance)
     vibration.dominance = max(dominance, vibration.dominance) if vibration.alarm_for else dominance
     _another_interval(vibration, _likeness(vibration, line, weights), rules)
 
@@ -240,7 +240,7 @@ def _likeness(vibration, line, weights):
     seen = likeness(line, weights)
     damping_ratio = coherence_damping(line.coherence, line.frequency_hz)
     if line.coherence < LEAST_COHERENCE or damping_ratio > COHERENT_DAMPING:
-        return Likeness(min(seen.growth, 0.0), seen.calm)
+        return Likeness(min(seen.growth, 0.0), seen.calm, seen.steady)
     return seen
 
 

@@ -25,6 +25,9 @@ from chatter_monitor.verdict.weights import CALM, GROWTH
 # Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
 FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
 
+# Multiples that count as overtones, and how near to one a line has to be.
+OVERTONES, OVERTONE_HZ = 5, 8.0
+
 # Vibrations that there is room for at first.
 ROOM = 64
 
@@ -116,12 +119,26 @@ class Following:
 
 def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
     """Prominent lines of an interval as the kernel takes them, shape (vibrations,)."""
-    rows = [
-        (*v.line, v.damping_ratio, order_odds(v, evidence.orders, odds), left(v.line, evidence))
-        for v in evidence.vibrations
-    ]
+    own = [v.line.share * left(v.line, evidence) for v in evidence.vibrations]
+    rows = []
+    for v, dominance in zip(evidence.vibrations, own, strict=True):
+        at_its_place = order_odds(v, evidence.orders, odds)
+        if at_its_place > 0.0:  # teeth have overtones, too
+            dominance += sum(
+                more for o, more in zip(evidence.vibrations, own, strict=True) if is_overtone(o.line, v.line)
+            )
+        rows.append((*v.line, v.damping_ratio, at_its_place, dominance))
     # plain numbers are put into an array several times faster than records
     return np.array(rows, dtype=np.float64).reshape(-1).view(LINE)
+
+
+def is_overtone(line: Line, fundamental: Line) -> bool:
+    """Whether a line is at a multiple of another: what throws the tool out of the cut is periodic, not harmonic.
+
+    An accelerometer hears overtones louder than what they belong to.
+    """
+    order = round(line.frequency_hz / fundamental.frequency_hz)
+    return 1 < order <= OVERTONES and abs(line.frequency_hz - order * fundamental.frequency_hz) < OVERTONE_HZ
 
 
 def left(line: Line, evidence: Evidence) -> float:

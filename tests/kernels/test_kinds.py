@@ -14,8 +14,8 @@ from chatter_monitor.kernels.kinds import CONVINCING, LINE, NOTHING, PRIOR, Chai
 from chatter_monitor.kernels.vibrations import CALMED
 
 FRAMES_PER_S = 20
-GROWS = Likeness(growth=CONVINCING, calm=0.0)
-STEADY = Likeness(growth=-CONVINCING, calm=CONVINCING)
+GROWS = Likeness(growth=CONVINCING, calm=0.0, steady=0.0)
+STEADY = Likeness(growth=-CONVINCING, calm=CONVINCING, steady=CONVINCING)
 # Of no regression: whatever is measured counts a lot.
 WEIGHTS = 100.0 * np.random.default_rng(0).standard_normal((2, kernel.MEASURES + 1))
 
@@ -30,7 +30,7 @@ def line(**about):
     usual = {
         "frequency_hz": 1000.0, "share": 0.5, "prominence_db": 20.0, "variation": 0.3, "growth_per_s": 20.0,
         "rise": 0.7, "long_rise": 1.5, "absolute_rise": 1.7, "coherence": 0.9, "damping_ratio": 0.02, "order_odds": 0.0,
-        "left": 1.0,
+        "dominance": 0.5,
     }  # fmt: skip
     return np.array([tuple((usual | about)[name] for name in LINE.names)], LINE)[0]
 
@@ -61,7 +61,7 @@ def test_before_anything_is_known_it_is_noise():
 
 def test_a_frame_that_says_nothing_moves_little():
     """Where every kind is as likely, a frame only lets the chain take its step: no probability jumps."""
-    step = follow(PRIOR, Likeness(0.0, 0.0))
+    step = follow(PRIOR, Likeness(0.0, 0.0, 0.0))
     np.testing.assert_allclose(step, PRIOR, atol=5e-3)
 
 
@@ -107,8 +107,8 @@ def test_one_frame_is_not_enough():
 @pytest.mark.parametrize(
     "extreme",
     [
-        [Likeness(CONVINCING, CONVINCING)],
-        [Likeness(-CONVINCING, -CONVINCING)],
+        [Likeness(CONVINCING, CONVINCING, CONVINCING)],
+        [NOTHING],
         [GROWS, NOTHING, STEADY],
         [STEADY] * 100 + [GROWS] * 3 + [NOTHING] * 100,
     ],
@@ -122,7 +122,7 @@ def test_an_hour_of_extreme_evidence(extreme):
 
 
 bounded = st.floats(-CONVINCING, CONVINCING)
-seen = st.builds(Likeness, bounded, bounded)
+seen = st.builds(Likeness, bounded, bounded, bounded)
 
 
 @settings(max_examples=300, derandomize=True, deadline=None)
@@ -141,9 +141,23 @@ def test_always_a_distribution(history):
 def test_more_growth_is_more_growing(weights, before, more):
     """Of two frames alike but for growth, the one with more of it makes growing likelier, and nothing else."""
     kinds = Kinds(*(w / sum(weights) for w in weights))
-    less, grown = (follow(kinds, Likeness(g, before.calm)) for g in (before.growth, before.growth + more))
+    less, grown = (follow(kinds, before._replace(growth=g)) for g in (before.growth, before.growth + more))
     assert grown.growing > less.growing
     assert all(a <= b for a, b in zip(grown[::2] + grown[3:], less[::2] + less[3:], strict=True))
+
+
+def test_what_is_calm_and_louder_than_before_has_risen():
+    """A line that is calm from its first frame on has risen if it is e-fold louder than before, else it is steady."""
+
+    def kinds(long_rise, absolute_rise):
+        calm = kernel.likeness(
+            line(long_rise=long_rise, absolute_rise=absolute_rise), np.eye(2, kernel.MEASURES + 1, 5)
+        )
+        return followed(*[calm._replace(growth=2.0, calm=3.0, steady=3.0 + calm.steady - calm.calm)] * 40)[-1]
+
+    assert kinds(1.0 + kernel.LOUDER, 1.0 + kernel.LOUDER).risen > 0.8
+    assert kinds(1.0 + kernel.LOUDER, 0.0).steady > 0.8
+    assert kinds(0.0, 1.0 + kernel.LOUDER).steady > 0.8
 
 
 def test_measures_are_what_the_docstring_says():

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from chatter_monitor.kernels.kinds import LINE
-from chatter_monitor.kernels.vibrations import FORGOTTEN, FORGOTTEN_CHATTER, VIBRATION, Rules, follow_all
+from chatter_monitor.kernels.vibrations import FORGOTTEN, FORGOTTEN_CHATTER, VIBRATION, Odds, Rules, follow_all
 from chatter_monitor.records import Flag
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.spectrum import Line
-from chatter_monitor.verdict.evidence import Evidence, Vibration
-from chatter_monitor.verdict.vibrations import Following, left
+from chatter_monitor.verdict.evidence import Evidence, Vibration, place_among_orders
+from chatter_monitor.verdict.vibrations import Following, left, lines_of
 from tests import naive
 
 RULES = Rules(alarm_probability=0.8, calm_probability=0.5)
@@ -52,7 +52,7 @@ def shift(seed, intervals):
                     )
                 )
         for hertz in rng.uniform(50.0, 6000.0, rng.integers(0, 4)):
-            rows.append((hertz, 0.01, 8.0, 0.5, 0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.9), 0.03, -0.7, 1.0))  # noqa: PERF401
+            rows.append((hertz, 0.01, 8.0, 0.5, 0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.9), 0.03, -0.7, 0.01))  # noqa: PERF401
         yield np.array(rows, LINE)
 
 
@@ -137,6 +137,17 @@ def test_what_is_left_beside_an_order_is_a_share_of_what_was_there(taken, away_h
     heard = interval(1000.0)
     orders = Orders(0, 50.0, 0.01, "refined", 0.0, (OrderLine(20, 1000.0 + away_hz, taken * math.sqrt(0.9)),))
     assert left(heard.vibrations[0].line, heard._replace(orders=orders)) == pytest.approx(share)
+
+
+@pytest.mark.parametrize(("rotation_hz", "overtones"), [(30.0, 2), (100.0, 0), (None, 0)])
+def test_overtones_count_off_the_orders(rotation_hz, overtones):
+    """What chatter takes of the power is that of its overtones, too; not so on an order, or if none is known."""
+    heard = interval(500.0, 1004.0, 1497.0, 1530.0)
+    place = place_among_orders(500.0, heard.orders._replace(rotation_hz=rotation_hz), 1)
+    first = heard.vibrations[0]._replace(rotation=place, teeth=place)
+    heard = heard._replace(vibrations=(first, *heard.vibrations[1:]))
+    shares = [v.line.share for v in heard.vibrations]
+    assert lines_of(heard, Odds())["dominance"] == pytest.approx([sum(shares[: 1 + overtones]), *shares[1:]])
 
 
 def test_at_rest_only_chatter_is_remembered():
