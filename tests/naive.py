@@ -194,7 +194,7 @@ class NaiveVibration:
         risen = self.kinds[1] + self.kinds[2]
         last = self.glides[-109:]
         glided = any(all(last[i : i + 10]) for i in range(len(last) - 9))
-        odds = self.odds - 4.0 * (glided and not self.chattered)
+        odds = self.odds - 6.0 * (glided and not self.chattered)
         self.unexplained = float(expit(odds + rules.odds.offset + rules.odds.dominance * self.dominance))
         before = self.alarm_for
         alarm = self.self_excited >= (rules.calm_probability if before else rules.alarm_probability)
@@ -215,7 +215,7 @@ class NaiveVibration:
         self.glides.append(bool(abs(self.glide) > max(1e-3, 0.4 * np.sqrt(self.jitter))))
 
     def likeness(self, line: np.void, weights: NDArray[np.float64]) -> NDArray[np.float64]:
-        if self.chattered and line["long_rise"] < vibrations.DIED_DOWN:
+        if self.chattered and min(line["long_rise"], line["absolute_rise"]) < vibrations.DIED_DOWN:
             return np.full(3, -CONVINCING)
         growth, calm = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
         louder = min(line["long_rise"], line["absolute_rise"])

@@ -19,8 +19,8 @@ FORGOTTEN, FORGOTTEN_CHATTER = 10, 1200
 # What grows by itself is coherent; noise that comes and goes is not, nor is a mode that it drives: beyond this damping
 # ratio, or below this coherence, nothing is taken for growth.
 COHERENT_DAMPING, LEAST_COHERENCE = 0.004, 0.4
-# A vibration is over when its amplitude has fallen below half of what it was for seconds (natural logarithm): that of a
-# saturated one does not, whatever its damping reads.
+# A vibration is over when its amplitude has fallen below half of what it was for seconds (natural logarithm), in itself
+# or beyond its surroundings: that of a saturated one does not, whatever its damping reads.
 DIED_DOWN = -0.7
 
 # Of a vibration that has chattered and does no more.
@@ -35,7 +35,7 @@ AVERAGING = 0.35
 FREQUENCY_GAIN, GLIDE_GAIN = 0.35, 0.074
 LEAST_GLIDE, SIGNIFICANT_GLIDE = 1e-3, 0.4
 GLIDING, GLIDED = 10, 100
-GLIDES = -4.0
+GLIDES = -6.0
 
 NO_LINE = -1
 
@@ -235,7 +235,7 @@ def _another_interval(vibration, seen, rules):
 @njit(**OPTIONS)
 def _likeness(vibration, line, weights):
     """What a line says of its vibration."""
-    if vibration.chattered and line.long_rise < DIED_DOWN:
+    if vibration.chattered and min(line.long_rise, line.absolute_rise) < DIED_DOWN:
         return NOTHING
     seen = likeness(line, weights)
     damping_ratio = coherence_damping(line.coherence, line.frequency_hz)

@@ -12,7 +12,7 @@ from chatter_monitor.records import Flag, ModeStatus, OdpFrame
 from chatter_monitor.tracking.channel import Observation
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.orders import Orders
-from chatter_monitor.tracking.spectrum import WINDOW_S, Line
+from chatter_monitor.tracking.spectrum import LOWEST_HZ, WINDOW_S, Line
 from chatter_monitor.tracking.spindle import SpindleSettings
 
 # A mode is looked at when it carries at least this share of the signal's power: the poles of a fit to little more than
@@ -170,7 +170,7 @@ def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
             place_among_orders(line.frequency_hz, orders, spindle.teeth),
         )
         for line in observation.lines
-        if line.share >= AUDIBLE_SHARE
+        if line.share >= AUDIBLE_SHARE and line.frequency_hz >= LOWEST_HZ  # the crest of what is below is beside it
     )
     return Evidence(
         critical=min(significant, key=lambda mode: mode.damping_ratio, default=None),

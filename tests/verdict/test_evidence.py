@@ -11,7 +11,7 @@ from chatter_monitor.records import Flag, ModeStatus, OdpFrame
 from chatter_monitor.tracking.channel import Observation
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.orders import NOMINAL_SD, Orders
-from chatter_monitor.tracking.spectrum import Line
+from chatter_monitor.tracking.spectrum import LOWEST_HZ, Line
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict.evidence import (
     AUDIBLE_SHARE,
@@ -132,6 +132,12 @@ def test_a_line_that_is_hardly_heard_is_left_out():
     assert [v.line.frequency_hz for v in weigh(frame(), lines=lines).vibrations] == [700.0, 300.0]
 
 
+def test_a_line_below_the_band_is_left_out():
+    """A line whose phase tells a frequency below the band is none, though its crest stands at the band's edge."""
+    lines = [line(0.8 * LOWEST_HZ), line(1.2 * LOWEST_HZ)]
+    assert [v.line.frequency_hz for v in weigh(frame(), lines=lines).vibrations] == [1.2 * LOWEST_HZ]
+
+
 @pytest.mark.parametrize("rotation_hz", [27.6, 100.0])
 def test_by_chance_is_the_share_of_frequencies_on_an_order(rotation_hz):
     """Of frequencies drawn anywhere, as many are on an order as the probability says."""
@@ -147,8 +153,7 @@ def test_by_chance_is_the_share_of_frequencies_on_an_order(rotation_hz):
         (993.6 + 0.9 * ORDER_TOLERANCE_HZ, 27.6, 6, "found", True),
         (993.6 + 1.1 * ORDER_TOLERANCE_HZ, 27.6, 6, "found", False),
         (27.6 * 35, 27.6, 6, "found", True),  # an order of the spindle though not of the teeth
-        (13.8, 27.6, 6, "found", False),  # below the first
-        (1.0, 27.6, 6, "found", False),  # no order at all, though near zero
+        (60.0, 120.0, 6, "found", False),  # below the first
         (993.6, 10.0, 6, "found", False),  # orders so near to each other that every frequency would be one
         (960.0, 10.0, 6, "found", True),  # but the teeth are far enough apart
         (300.0 * 1.03, 100.0, 3, "given", True),  # a nominal speed is some percent off
