@@ -218,8 +218,9 @@ class NaiveVibration:
         if self.chattered and min(line["long_rise"], line["absolute_rise"]) < vibrations.DIED_DOWN:
             return np.full(3, -CONVINCING)
         growth, calm = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
-        louder = min(line["long_rise"], line["absolute_rise"])
-        seen = np.array([growth, calm, max(calm - 8.0 * max(louder - 0.8, 0.0), -CONVINCING)])
+        risen = min(line["long_rise"], line["absolute_rise"])
+        growth *= 2.0 if growth > 0.0 and risen > 1.5 and line["coherence"] > 0.5 else 1.0
+        seen = np.array([growth, calm, max(calm - 8.0 * max(risen - 0.8, 0.0), -CONVINCING)])
         least = np.exp(-vibrations.COHERENT_DAMPING * 2.0 * np.pi * line["frequency_hz"] * 0.025)
         if line["coherence"] < max(least, vibrations.LEAST_COHERENCE):
             seen[0] = min(seen[0], 0.0)

@@ -18,11 +18,14 @@ from numba import njit
 
 from chatter_monitor.kernels.options import OPTIONS
 
-# No single frame says more than this.
+# No single frame says more than this, but for growth that no chance explains.
 CONVINCING = 8.0
 # What is louder by so much than it has been for seconds (natural logarithm of the amplitude), in itself and beyond its
 # surroundings, has hardly been there from the start: by so much less likely for each e-fold beyond.
 LOUDER, UNLIKELY = 0.8, 8.0
+# The amplitude of a mode that noise drives is 4.5 times its median once in a million (Rayleigh: 2^-20): growth to so
+# much, of what is half coherent at least, counts so many times.
+BEYOND_CHANCE, HALF_COHERENT, TIMES = 1.5, 0.5, 2.0
 
 MEASURES = 11
 # Lag of the coherence of a line.
@@ -155,8 +158,11 @@ def likeness(line, weights):
         growth += weights[0, i] * x[i]
         calm += weights[1, i] * x[i]
     calm = _bounded(calm + weights[1, MEASURES])
-    louder = max(min(line.long_rise, line.absolute_rise) - LOUDER, 0.0)
-    return Likeness(_bounded(growth + weights[0, MEASURES]), calm, _bounded(calm - UNLIKELY * louder))
+    risen = min(line.long_rise, line.absolute_rise)
+    growth = _bounded(growth + weights[0, MEASURES])
+    if growth > 0.0 and risen > BEYOND_CHANCE and line.coherence > HALF_COHERENT:
+        growth *= TIMES
+    return Likeness(growth, calm, _bounded(calm - UNLIKELY * max(risen - LOUDER, 0.0)))
 
 
 @njit(**OPTIONS)

@@ -189,7 +189,21 @@ values = st.floats(allow_nan=False)
 )
 def test_no_line_says_more_than_a_frame_may(anything):
     """Whatever is measured, the likeness is finite and bounded."""
-    assert all(-CONVINCING <= value <= CONVINCING for value in kernel.likeness(anything, WEIGHTS))
+    growth, *calm = kernel.likeness(anything, WEIGHTS)
+    assert -CONVINCING <= growth <= kernel.TIMES * CONVINCING
+    assert all(-CONVINCING <= value <= CONVINCING for value in calm)
+
+
+@pytest.mark.parametrize(
+    ("about", "times"),
+    [({}, 2.0), ({"long_rise": 1.0}, 1.0), ({"absolute_rise": 1.0}, 1.0), ({"coherence": 0.4}, 1.0)],
+)
+def test_growth_beyond_chance_counts_twice(about, times):
+    """To grow coherently to five times its amplitude, in itself and beyond its surroundings, is no chance."""
+    weights = np.zeros((2, kernel.MEASURES + 1))
+    weights[0, -1] = 3.0
+    seen = kernel.likeness(line(**({"long_rise": 1.7, "absolute_rise": 1.7} | about)), weights)
+    assert seen.growth == pytest.approx(3.0 * times)
 
 
 def test_what_has_chattered_is_saturated_when_calm():
