@@ -122,12 +122,19 @@ def test_record_of_an_interval():
 
 
 def test_growth_is_a_warning_and_then_an_alarm():
-    """What begins to grow is `approaching` for at least an interval, then the alarm, within half a second."""
-    grown = states(*ONSET)[40:]
+    """What has grown fourfold is `approaching` for at least an interval, then the alarm, within half a second."""
+    fourfold = growing()
+    line = fourfold.line._replace(long_rise=math.log(4.0), absolute_rise=math.log(4.0))
+    grown = states(*[CALM] * 40, *[evidence(fourfold._replace(line=line))] * 20)[40:]
     first = grown.index("self_excited")
     assert 1 <= first <= 10
     assert "approaching" in grown[:first]
     assert set(grown[first:]) == {"self_excited"}
+
+
+def test_growth_beyond_chance_is_an_alarm_at_once():
+    """What has grown twentyfold is the alarm after two to three intervals."""
+    assert 1 <= states(*ONSET)[40:].index("self_excited") <= 2
 
 
 def test_the_alarm_tells_frequency_damping_and_why():

@@ -43,8 +43,8 @@ def shift(seed, intervals):
                         0.1,
                         0.0,
                         0.5,
-                        rising,
-                        rising + 1.0,
+                        max(rising, 0.0) if number == 1 else rising,  # one dies down with its surroundings
+                        -1.0 if number == 1 and rising < 0.0 else rising + 1.0,
                         rng.uniform(0.7, 1.0),
                         0.01,
                         rng.normal(0.0, 1.5),
