@@ -16,6 +16,7 @@ from chatter_monitor.kernels.observer import Motion
 Matrix = NDArray[np.float64]
 
 BUMPS = 7  # per axis of the phase plane
+AXIS_BUMPS = 19  # over displacement or velocity alone: a third of the rms from one to the next
 REACH = 3.2  # of the bumps, in standard deviations
 AMPLITUDES = 5
 WAVES = 4  # of slow changes along the recording
@@ -66,6 +67,11 @@ def surface(innovations: Innovations) -> Matrix:
     over_x = splines(innovations.motion.x / sd_x, BUMPS, -REACH, REACH)
     over_v = splines(innovations.motion.v / sd_v, BUMPS, -REACH, REACH)
     return innovations.respond(over_x, over_v)
+
+
+def along(u: Matrix) -> Matrix:
+    """AXIS_BUMPS bumps over displacement or velocity alone, given in standard deviations."""
+    return splines(u, AXIS_BUMPS, -REACH, REACH)
 
 
 def surface_at(coefficients: Matrix, x: Matrix, v: Matrix) -> Matrix:

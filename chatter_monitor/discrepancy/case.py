@@ -121,7 +121,6 @@ class Case:
     named: list[Scored] = field(default_factory=list)
     ranking: list[Scored] = field(default_factory=list)
     ceiling: Surface = field(init=False)
-    rest: Surface = field(init=False)
     maps: list[Statistic] = field(default_factory=list)
     rest_maps: list[Statistic] = field(default_factory=list)
     swing: Modulation | None = None

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from chatter_monitor.discrepancy.above import named_above
 from chatter_monitor.discrepancy.account import alternatives, calibration, held_out_fit, information, one_cut
 from chatter_monitor.discrepancy.augment import Augmented, Start, augment, calibrated, fullest
 from chatter_monitor.discrepancy.case import SURE, Case
 from chatter_monitor.discrepancy.columns import beside
-from chatter_monitor.discrepancy.diagnosis import examine_rest
+from chatter_monitor.discrepancy.diagnosis import offset_beside
 from chatter_monitor.discrepancy.faults import restlessness
 from chatter_monitor.discrepancy.findings import (
     IN_WORDS,
@@ -31,19 +30,24 @@ from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
 from chatter_monitor.discrepancy.local import APART_NATS
 from chatter_monitor.discrepancy.name import MOST_TERMS, PRICE_NATS, Scored
 from chatter_monitor.discrepancy.observer import Linear
-from chatter_monitor.discrepancy.report import Finding, Fit, Located, Report, Statistic, Verdict
+from chatter_monitor.discrepancy.report import Finding, Fit, Located, Report, Verdict
+from chatter_monitor.discrepancy.unnamed import POWERS_AND_SIDES, Unnamed, examine_rest, out_of_range
 from chatter_monitor.discrepancy.whereabouts import MAPPED_P, whereabouts
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm
 
 RETUNED_P = 1e-3  # of the modes of the model file
-REST_SHARE = 0.2  # of a named term's held-out gain that an unnamed static force may add
+# What a force of no name has to explain beside what is named, and as a share of that: no law is exact, nor is a filter;
+# a regression, which takes the motion from the base model, much less so.
 REST_NATS = 6.0
+REST_SHARE, FITTED_REST_SHARE = 0.2, 0.02
+SECOND_SHARE = 0.8  # of what a second name explains that another power or symmetry of the first may explain, too
+MOST_LAWS = 2  # that are believed to act together; more of them imitate one that is none of theirs
 RIVALS = 3  # fitted fully
 RIVAL_NATS, RIVAL_SHARE = 6.0, 0.05  # how near to the leader's evidence, for that
 _FEIGNED = ("second_mode", "coloured_excitation")  # by the noise of another machine
 _TIED = "a force that acts"  # so begins what several names explain about equally
-_STATIC = ("phase_plane", "displacement", "velocity", "amplitude")  # maps of what has no memory
+_STATIC = ("phase_plane", "displacement", "velocity", "amplitude")  # forces that have no memory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,12 +109,10 @@ def conclude(case: Case) -> Diagnosis:
     findings += strongest(tones)
     leaves_cut = any(scored.candidate.term.chip_thickness for scored in case.named)
     omissions = case.base.omissions
-    if case.offset_p < SURE:
-        findings.append(plain("offset_drift", None, {}, 0.0, case.offset_p))
     rest = restlessness(case.explained(), case.telling, case.recorded.rate_hz)
     if rest.kind is not None:
         findings.append(plain(rest.kind, None, {}, rest.gain_nats, rest.p_value))
-    augmented = None
+    augmented, left = None, None
     delayed = list(case.innovations.terms[len(case.system.terms) :])
     fullest = _fullest(case) if case.named else None
     if case.named and fullest is None:
@@ -118,22 +120,25 @@ def conclude(case: Case) -> Diagnosis:
         strange.append("a force with which the model runs away from it")
     if fullest is not None:
         first, augmented, omissions = fullest
-        case.rest, plane = examine_rest(case, augmented.innovations, augmented.columns)
         case.named = [first]
+        left = _left(case, augmented)
         # Further terms may stand for no more than what the first, fitted fully, leaves.
-        if min(each.p_value for each in plane) < MAPPED_P and (further := _further(case, first, augmented)):
+        further = _further(case, first, augmented) if max(left.smooth.values()) > REST_NATS else []
+        # A law that is a little another explains it as simply as two that are right.
+        if further and max(left.variations.values()) < SECOND_SHARE * further[0].fit.gain:
             terms = [*augmented.system.terms[-1:], *(_applied(case, scored) for scored in further)]
             try:
                 augmented = augment(case, terms, augmented.innovations.linear)
-                case.rest, plane = examine_rest(case, augmented.innovations, augmented.columns)
                 case.named += further
+                left = _left(case, augmented)
             except Diverged:
                 pass  # then the first has to do
-        known = {each.name for each in plane}
-        case.rest_maps = [*plane, *(each for each in case.rest_maps if each.name not in known)]
         case.threshold = named_above(case)
         for scored, parameters in zip(case.named, augmented.parameters, strict=True):
             findings.append(of_term(scored, parameters))
+        if not _begins(case, left):
+            strange += _other_laws(case, augmented, left)
+        case.offset_p = offset_beside(case, augmented.innovations, augmented.system.terms[-len(case.named) :])
     elif delayed or omissions:
         terms = [*case.system.terms, *delayed]
         augmented = Augmented(calibrated(case, linear, terms), case.innovations, [], [], omissions[0].gain_nats)
@@ -147,7 +152,9 @@ def conclude(case: Case) -> Diagnosis:
     elif case.local is not None:
         names = " and ".join(IN_WORDS[each.name] for each in case.local.as_likely)
         strange.append(f"{_TIED} {case.local.where} only: {names} explain it about equally")
-    maps = {each.name: each for each in case.rest_maps}
+    if case.offset_p < SURE:
+        findings.append(plain("offset_drift", None, {}, 0.0, case.offset_p))
+    left = left or examine_rest(case, case.innovations, [case.matrix[i] for i in case.evidence.nuisance])
     if case.drift is not None and not any(f.name in ("nonstationary_excitation", "impacts") for f in findings):
         findings.append(plain("parameter_drift", None, {}, 0.5 * case.drift.value, case.drift.p_value))
     # Another machine's tones were taken out before anything was fitted. Its noise is still there, and has a colour.
@@ -156,7 +163,7 @@ def conclude(case: Case) -> Diagnosis:
         warnings.append(f"Tones that belong neither to the spindle nor to the mains were left out: {listed} Hz.")
     elif foreign:
         strange.append("a tone that belongs neither to the spindle nor to the mains")
-    strange += _unexplained(case, maps, bool(findings))
+    strange += _unexplained(case, left, bool(findings))
     verdict: Verdict
     if strange:
         verdict = "unknown"
@@ -204,7 +211,11 @@ def _fullest(case: Case) -> tuple[Scored, Augmented, list[Omission]] | None:
     starts = [Start((_applied(case, scored),), _retuned(inn.linear, scored), inn.terms, price) for scored in rivals]
     if machine:
         alone = [scored for scored in rivals if not scored.candidate.term.chip_thickness]
-        starts += [Start((_applied(case, s),), _retuned(base.fitted.linear, s), case.system.terms) for s in alone]
+        # Where a mode more fits the spectrum, the first of the two is nearer to the machine than one mode for both.
+        first = replace(inn.linear, modes=inn.linear.modes[:1])
+        of_one = len(inn.linear.modes) == 1
+        single = [_retuned(base.fitted.linear, s) if of_one else first for s in alone]
+        starts += [Start((_applied(case, s),), lin, case.system.terms) for s, lin in zip(alone, single, strict=True)]
         rivals += alone
     try:
         number, augmented = fullest(case, starts)
@@ -243,44 +254,56 @@ def _applied(case: Case, scored: Scored) -> AppliedTerm:
     return AppliedTerm(scored.candidate.term, scored.candidate.with_coefficients(coefficients))
 
 
-def _unexplained(case: Case, maps: dict[str, Statistic], something: bool) -> list[str]:
-    """What is located and not named, in words."""
+def _left(case: Case, augmented: Augmented) -> Unnamed:
+    """What the augmented model leaves."""
+    named = augmented.system.terms[-len(case.named) :]
+    return examine_rest(case, augmented.innovations, augmented.columns, named)
+
+
+def _begins(case: Case, left: Unnamed) -> bool:
+    """Whether it is best explained by an amplitude above which it acts, that the named law leaves something."""
+    others = [*left.smooth.values(), *left.variations.values()]
+    return case.threshold is not None and case.threshold.gain_nats > max(others)
+
+
+def _other_laws(case: Case, augmented: Augmented, left: Unnamed) -> list[str]:
+    """Names whose law is not quite that of the recording, in words."""
     strange: list[str] = []
-    if case.unrest is not None and case.unrest.kind == "impacts":
-        return strange  # the tests of the maps suppose errors without heavy tails
-    named = sum(max(scored.evidence_nats, 0.0) for scored in case.named)
-    if case.local is not None:
-        named += case.local.as_likely[0].evidence_nats
-    static = [maps[name] for name in _STATIC if name in maps]
-    left = [_excess_nats(each) for each in static if each.p_value < MAPPED_P]
-    if left and (max(left) > max(REST_NATS, REST_SHARE * named) if named else not something):
-        strange.append("a force that depends on displacement and velocity like nothing in the catalogue")
-    elif maps["memory"].p_value < MAPPED_P and _excess_nats(maps["memory"]) > max(REST_NATS, REST_SHARE * named):
-        strange.append("a force that depends on how the tool moved before like nothing in the catalogue")
-    if maps["angle"].p_value < MAPPED_P:
-        strange.append("a stiffness that swings periodically")
-    if maps["lag"].p_value < MAPPED_P and not case.tones:
-        strange.append("innovations that are correlated over a long lag")
+    for scored, applied, parameters in zip(
+        case.named, augmented.system.terms[-len(case.named) :], augmented.parameters, strict=True
+    ):
+        name = scored.candidate.name
+        variations = {how: left.variations[name, how] for how in POWERS_AND_SIDES}
+        clearest = max(variations, key=lambda how: variations[how])
+        if variations[clearest] > max(REST_NATS, FITTED_REST_SHARE * scored.evidence_nats):
+            strange.append(f"a force like {IN_WORDS[name]}, but one that {POWERS_AND_SIDES[clearest]}")
+        elif (shape := out_of_range(augmented.innovations, applied, parameters)) is not None:
+            strange.append(f"a force like {IN_WORDS[name]}, but with a {shape.replace('_', ' ')} beyond that of one")
     return strange
 
 
-def _excess_nats(statistic: Statistic) -> float:
-    """What a map explains beyond what chance does with as many degrees of freedom."""
-    return 0.5 * (statistic.value - _freedom(statistic))
-
-
-def _freedom(statistic: Statistic) -> float:
-    """Degrees of freedom that belong to a value and its p-value."""
-    if not 0.0 < statistic.p_value < 1.0:
-        return 0.0
-    low, high = 0.5, 200.0
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        if float(stats.chi2.sf(statistic.value, middle)) < statistic.p_value:
-            low = middle
-        else:
-            high = middle
-    return low
+def _unexplained(case: Case, left: Unnamed, something: bool) -> list[str]:
+    """What is located and not named, in words."""
+    strange: list[str] = []
+    if case.unrest is not None and case.unrest.kind == "impacts":
+        return strange  # the tests suppose errors without heavy tails
+    named = sum(max(scored.evidence_nats, 0.0) for scored in case.named)
+    share = FITTED_REST_SHARE if case.named and not _begins(case, left) else REST_SHARE
+    if case.local is not None:
+        named += case.local.as_likely[0].evidence_nats
+    least = max(REST_NATS, share * named)
+    if (laws := len(case.named) + (case.local is not None)) > MOST_LAWS:
+        strange.append(f"a force that {laws} laws of the catalogue together imitate")
+    if max(left.smooth[name] for name in _STATIC) > least and (named or not something):
+        strange.append("a force that depends on displacement and velocity like nothing in the catalogue")
+    elif left.smooth["memory"] > least:
+        strange.append("a force that depends on how the tool moved before like nothing in the catalogue")
+    lag, angle = case.rest_maps
+    if angle.p_value < MAPPED_P:
+        strange.append("a stiffness that swings periodically")
+    if lag.p_value < MAPPED_P and not case.tones:
+        strange.append("innovations that are correlated over a long lag")
+    return strange
 
 
 def _where(case: Case, finding: Finding) -> str:

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.discrepancy import basis
 from chatter_monitor.discrepancy.above import LEFT_SHARE, find_above
 from chatter_monitor.discrepancy.band import FADE_S, Recorded, within_band, without
 from chatter_monitor.discrepancy.case import SURE, Case
-from chatter_monitor.discrepancy.ceiling import Surface, ceiling
+from chatter_monitor.discrepancy.ceiling import ceiling
 from chatter_monitor.discrepancy.columns import gather
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.faults import (
@@ -147,6 +146,19 @@ def _without_drift(recorded: Recorded, weight: Vector, fitted: SpectralFit) -> t
     return replace(recorded, samples=np.where(recorded.missing, 0.0, recorded.samples - drift)), p
 
 
+def offset_beside(case: Case, inn: Innovations, named: Sequence[AppliedTerm]) -> float:
+    """p-value of a drifting offset beside named forces, as a model with them sees the motion.
+
+    A force that differs between the sides moves the mean of the displacement, the more the louder the motion is.
+    """
+    if case.offset_p >= SURE or inn.linear.quantity != "displacement":
+        return case.offset_p
+    force = np.sum([inn.force(applied.term, applied.values)[0] for applied in named], axis=0)
+    recorded = within_band(case.whole, max(mode.frequency_hz for mode in case.system.modes))
+    still = replace(recorded, samples=recorded.samples + force / inn.observer.omega**2)
+    return _without_drift(still, np.ones(still.samples.size), case.base.fitted)[1]
+
+
 def _without_tones(recorded: Recorded, tones: Sequence[Line]) -> Recorded:
     if not tones:
         return recorded
@@ -231,63 +243,29 @@ def _decide(case: Case) -> None:
         least = LEFT_SHARE * case.local.as_likely[0].evidence_nats
         case.named = case.named if case.named and case.named[0].evidence_nats > least else []
     with case.contest.beside([column for scored in case.named for column in scored.columns]):
-        case.rest = ceiling(evidence, case.columns["surface"], case.training)
-        case.rest_maps = _maps(case, evidence)
-
-
-def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector]) -> tuple[Surface, list[Statistic]]:
-    """Look again for static and for amplitude-dependent forces, in the innovations of an augmented model.
-
-    Parameters
-    ----------
-    case : Case
-    inn : Innovations
-        Of the augmented model, about which everything is linear again.
-    fitted : sequence of ndarray of float64, shape (n,)
-        What a change of each parameter that was fitted adds to the errors.
-
-    Returns
-    -------
-    Surface
-        What any static force would add.
-    list of Statistic
-        Maps over the phase plane, over displacement and velocity alone, the amplitude, and the energy of the past.
-    """
-    surface = basis.surface(inn)
-    by_both = surface.reshape(basis.BUMPS, basis.BUMPS, -1)
-    families = {
-        "phase_plane": surface,
-        "displacement": by_both.sum(axis=1),
-        "velocity": by_both.sum(axis=0),
-        "amplitude": basis.by_amplitude(inn),
-        "memory": basis.by_memory(inn),
-    }
-    columns, groups = [*fitted], {}
-    for name, family in families.items():
-        groups[name] = list(range(len(columns), len(columns) + len(family)))
-        columns.extend(family)
-    evidence = Evidence(inn.white, columns, case.weight, list(range(len(fitted))), case.evidence.block)
-    maps = [subspace_map(name, evidence, index) for name, index in groups.items()]
-    return ceiling(evidence, groups["phase_plane"], case.training), maps
+        case.rest_maps = _recurring(case, evidence)
 
 
 def _maps(case: Case, evidence: Evidence) -> list[Statistic]:
     """The maps beside the nuisance columns of the moment."""
-    inn, groups = case.innovations, case.columns
-    white = case.explained()
+    groups = case.columns
     time = Statistic("time", 0.0, 1.0) if case.drift else subspace_map("time", evidence, groups["time"])
     spectrum, _, _ = frequency_map(case.base.spectrum, case.base.fitted)
-    lag, _, _ = lag_map(white, inn.used, inn.recorded.rate_hz)
-    angle = subspace_map("angle", evidence, groups["angle"])
-    swing = case.swing
-    if swing is not None and (swing.p_value < angle.p_value or not groups["angle"]):
-        angle = Statistic("angle", swing.frequency_hz, min(1.0, 2.0 * swing.p_value))
     return [
         time,
         spectrum,
         subspace_map("phase_plane", evidence, groups["surface"]),
         subspace_map("amplitude", evidence, groups["amplitude"]),
         subspace_map("memory", evidence, groups["memory"]),
-        lag,
-        angle,
+        *_recurring(case, evidence),
     ]
+
+
+def _recurring(case: Case, evidence: Evidence) -> list[Statistic]:
+    """Maps over the lag and the spindle angle beside the nuisance columns of the moment."""
+    inn, columns, swing = case.innovations, case.columns["angle"], case.swing
+    lag, _, _ = lag_map(case.explained(), inn.used, inn.recorded.rate_hz)
+    angle = subspace_map("angle", evidence, columns)
+    if swing is not None and (swing.p_value < angle.p_value or not columns):
+        angle = Statistic("angle", swing.frequency_hz, min(1.0, 2.0 * swing.p_value))
+    return [lag, angle]

@@ -151,6 +151,21 @@ def subspace_p(
     """
     if not columns:
         return 0.0, 1.0, 0
+    right, normal, _ = within(evidence, columns, blocks)
+    values, vectors = np.linalg.eigh(normal)
+    kept = values > 1e-4 * values[-1]
+    statistic = float(np.sum((vectors[:, kept].T @ right) ** 2 / values[kept]))
+    freedom = int(kept.sum())
+    return statistic, float(stats.chi2.sf(statistic, freedom)), freedom
+
+
+def within(
+    evidence: Evidence, columns: Sequence[int], blocks: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Normal equations of columns once the nuisance columns are taken out: right side, matrix, and sizes.
+
+    Both are in units of the columns' sizes, the roots of their products with themselves before that.
+    """
     total = evidence.over(evidence.everything if blocks is None else blocks)
     nuisance = [i + 1 for i in evidence.nuisance]
     index = [i + 1 for i in columns]
@@ -159,8 +174,4 @@ def subspace_p(
     right = total[index, 0] - total[np.ix_(index, nuisance)] @ projection[:, 0]
     rest = total[np.ix_(index, index)] - total[np.ix_(index, nuisance)] @ projection[:, 1:]
     size = np.sqrt(np.maximum(np.diag(total)[index], 1e-300))
-    values, vectors = np.linalg.eigh(rest / np.outer(size, size))
-    kept = values > 1e-4 * values[-1]
-    statistic = float(np.sum((vectors[:, kept].T @ (right / size)) ** 2 / values[kept]))
-    freedom = int(kept.sum())
-    return statistic, float(stats.chi2.sf(statistic, freedom)), freedom
+    return right / size, rest / np.outer(size, size), size

@@ -15,7 +15,7 @@ from scipy import signal
 OVERSAMPLING = 16
 EFFECTS = (
     "none", "hardening", "softening", "quadratic", "clearance", "coulomb", "stribeck", "hysteresis", "v|v|", "x2v",
-    "cutting", "delay", "notch", "root", "mathieu", "memory",
+    "cutting", "delay", "notch", "root", "mathieu", "memory", "one side", "one direction",
 )  # fmt: skip
 
 
@@ -71,6 +71,10 @@ def _force(effect, c, x, v, lagged, z, w, t):
         return c * w * w * x * np.cos(0.37 * w * t)
     if effect == 15:  # memory
         return c * w * w * x * z
+    if effect == 16:  # dry friction on one side
+        return c * np.sign(v) if x > 0.0 else 0.0
+    if effect == 17:  # damping in one direction
+        return c * w * max(v, 0.0)
     raise ValueError
 
 

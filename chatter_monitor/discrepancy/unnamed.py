@@ -1,0 +1,140 @@
+"""What a force of no name explains beside a model: the test that decides between a name and `unknown`.
+
+Two questions are asked of the errors that a fitted model leaves. Is there a smooth force of any shape: over
+displacement and velocity, over one of them, a spring and a damper that change with the amplitude or with the energy of
+the last moments? And is the law that was named quite that law, or is its power another, or does it differ between the
+sides?
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.discrepancy import basis
+from chatter_monitor.discrepancy.candidates import SHAPES
+from chatter_monitor.discrepancy.case import Case
+from chatter_monitor.discrepancy.evidence import Evidence
+from chatter_monitor.discrepancy.innovations import Innovations
+from chatter_monitor.discrepancy.name import within
+from chatter_monitor.physics.parts import AppliedTerm
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+_SIZES = np.geomspace(0.1, 1e5, 19)  # of a smooth force, tried; over what the recording can tell apart
+_LEAST = 0.05  # of a displacement or velocity whose logarithm is taken, over its rms
+_BEYOND_SD = 1.645  # standard deviations by which a shape has to be out of range, one-sided 95 %
+POWERS_AND_SIDES = {
+    "displacement_power": "grows with the displacement by another power",
+    "velocity_power": "grows with the velocity by another power",
+    "displacement_side": "differs between the two sides of the displacement",
+    "velocity_side": "differs between the two directions of the velocity",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Unnamed:
+    """What is left to explain beside a model.
+
+    Attributes
+    ----------
+    smooth : dict of str to float
+        Logarithm of the Bayes factor of a smooth force over none, nats, by what it depends on.
+    variations : dict of (str, str) to float
+        By named term and key of `POWERS_AND_SIDES`: gain of a law with that difference, nats.
+    """
+
+    smooth: dict[str, float]
+    variations: dict[tuple[str, str], float]
+
+
+def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector], named: Sequence[AppliedTerm] = ()) -> Unnamed:
+    """Look for forces of no name in the errors of a model.
+
+    Parameters
+    ----------
+    case : Case
+    inn : Innovations
+        Of the model, about which everything is linear again.
+    fitted : sequence of ndarray of float64, shape (n,)
+        What a change of each parameter that was fitted adds to the errors.
+    named : sequence of AppliedTerm
+        What was named, with its fitted parameters.
+    """
+    motion = inn.motion
+    sd_x, sd_v = basis.scales(motion)
+    families = {
+        "phase_plane": basis.surface(inn),
+        "displacement": inn.respond(basis.along(motion.x / sd_x)),
+        "velocity": inn.respond(basis.along(motion.v / sd_v)),
+        "amplitude": basis.by_amplitude(inn),
+        "memory": basis.by_memory(inn),
+    }
+    columns, groups = [*fitted], {}
+    for name, family in families.items():
+        groups[name] = list(range(len(columns), len(columns) + len(family)))
+        columns.extend(family)
+    varied = [(applied.term.name, difference) for applied in named for difference in POWERS_AND_SIDES]
+    first = len(columns)
+    columns.extend(signature for applied in named for signature in inn.respond(_varied(inn, applied)))
+    evidence = Evidence(inn.white, columns, case.weight, range(len(fitted)), case.evidence.block)
+    return Unnamed(
+        {name: smooth_nats(evidence, index) for name, index in groups.items()},
+        {key: evidence.regress([column]).gain for column, key in enumerate(varied, first)},
+    )
+
+
+def smooth_nats(evidence: Evidence, columns: Sequence[int]) -> float:
+    """Logarithm of the Bayes factor of a force that is a sum of bumps over no force, nats.
+
+    Beforehand the coefficients of all bumps are normal with one variance, the one that explains best. For a variance
+    told in advance the Bayes factor of a force that is not there is 1 on average, so that chance exceeds n nats at most
+    once in exp(n) recordings (Markov's inequality). Choosing the variance adds to that, but not its order of size.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    columns : sequence of int
+        Of the bumps; all in the same unit.
+    """
+    right, normal, size = within(evidence, columns)
+    unit = size / np.sqrt(np.mean(size**2))
+    values, vectors = np.linalg.eigh(normal * np.outer(unit, unit))
+    values = np.maximum(values, 0.0)
+    seen = (vectors.T @ (right * unit)) ** 2
+    best = 0.0
+    for variance in _SIZES / values[-1]:
+        gained = 1.0 + variance * values
+        best = max(best, 0.5 * float(np.sum(variance * seen / gained - np.log(gained))))
+    return best
+
+
+def _varied(inn: Innovations, applied: AppliedTerm) -> list[Matrix]:
+    """A named force times what would change its power or its symmetry, in the order of `POWERS_AND_SIDES`."""
+    motion = inn.motion
+    force = inn.force(applied.term, applied.values)
+    powers = [np.log(np.maximum(np.abs(u) / np.std(u[0]), _LEAST)) for u in (motion.x, motion.v)]
+    return [force * change for change in (*powers, np.sign(motion.x), np.sign(motion.v))]
+
+
+def out_of_range(inn: Innovations, applied: AppliedTerm, parameters: dict[str, tuple[float, float]]) -> str | None:
+    """A shape beyond the widest one of its term's candidates, which makes it another force; its name.
+
+    Parameters
+    ----------
+    inn : Innovations
+    applied : AppliedTerm
+    parameters : dict of str to (float, float)
+        Fitted parameters and their standard deviations.
+    """
+    sd_x, sd_v = basis.scales(inn.motion)
+    scale = {"x": sd_x, "v": sd_v, "1": np.inf}  # others have bounds of their own
+    for name, (value, sd) in parameters.items():
+        relative, multiples = SHAPES.get((applied.term.name, name), ("1", (1.0,)))
+        if value - _BEYOND_SD * sd > max(multiples) * scale[relative]:
+            return name
+    return None
