@@ -17,7 +17,7 @@ from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.candidates import Candidate
 from chatter_monitor.discrepancy.case import Case, Local, Threshold
 from chatter_monitor.discrepancy.evidence import Evidence
-from chatter_monitor.discrepancy.local import acting, told
+from chatter_monitor.discrepancy.local import swing, told
 from chatter_monitor.discrepancy.name import PRICE_NATS
 
 Vector = NDArray[np.float64]
@@ -108,5 +108,6 @@ def _confined(case: Case, tried: Sequence[Entry], amplitudes: Vector) -> Mapping
         for candidate, columns in tried
         for column, i in zip(columns, candidate.linear, strict=True)
     }
-    signatures = inn.respond(inn.forces([*units.values()]), [acting(inn, above=above) for above in amplitudes])
+    amplitude = swing(inn)
+    signatures = inn.respond(inn.forces([*units.values()]), [amplitude > above for above in amplitudes])
     return dict(zip(units, signatures.reshape(len(units), len(amplitudes), -1), strict=True))

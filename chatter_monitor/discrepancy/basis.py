@@ -12,6 +12,7 @@ from scipy import signal as dsp
 
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.kernels.observer import Motion
+from chatter_monitor.kernels.splines import cubic_splines
 
 Matrix = NDArray[np.float64]
 
@@ -37,14 +38,9 @@ def splines(u: Matrix, count: int, low: float, high: float) -> Matrix:
     -------
     ndarray of float64, shape (count, *u.shape)
     """
-    step = (high - low) / (count - 3)
-    inside = (np.clip(u, low, high) - low) / step
-    found = np.empty((count, *u.shape))
-    for i in range(count):
-        away = np.abs(inside - (i - 1))
-        outer, inner = np.maximum(2.0 - away, 0.0), np.maximum(1.0 - away, 0.0)
-        found[i] = (outer * outer * outer - 4.0 * inner * inner * inner) / 6.0  # a power would take ten times as long
-    return found
+    found = np.empty((count, u.size))
+    cubic_splines(np.ascontiguousarray(u, dtype=np.float64).ravel(), low, high, found)
+    return found.reshape(count, *u.shape)
 
 
 def scales(motion: Motion) -> tuple[float, float]:

@@ -42,8 +42,13 @@ def acting(
         at = np.arange(acts.shape[1]) * inn.observer.step_s
         acts &= (at >= between_s[0]) & (at < between_s[1])
     if above is not None:
-        acts &= np.hypot(inn.motion.x, inn.motion.v / inn.observer.omega) > above
+        acts &= swing(inn) > above
     return acts
+
+
+def swing(inn: Innovations) -> NDArray[np.float64]:
+    """Amplitude of the motion, shape (2, n)."""
+    return np.asarray(np.hypot(inn.motion.x, inn.motion.v / inn.observer.omega))
 
 
 def find_local(case: Case) -> Local | None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from chatter_monitor.discrepancy.basis import scales, surface_at
 from chatter_monitor.discrepancy.case import Case
+from chatter_monitor.discrepancy.local import swing
 from chatter_monitor.discrepancy.locate import lag_map
 from chatter_monitor.discrepancy.report import Finding, Located
 
@@ -40,8 +41,7 @@ def whereabouts(case: Case, findings: Sequence[Finding], strange: Sequence[str])
     amplitude, state = _where(case)
     threshold, interval = case.local.threshold if case.local is not None else case.threshold, None
     if threshold is not None:
-        motion = case.innovations.motion
-        highest = float(np.max(np.hypot(motion.x[0], motion.v[0] / case.innovations.observer.omega)))
+        highest = float(np.max(swing(case.innovations)[0]))
         amplitude, interval = (threshold.above, max(highest, threshold.above)), threshold.ci95
     order = None
     angle = next(each for each in maps if each.name == "angle")
