@@ -30,15 +30,17 @@ TINY = 1e-300
 PHASE_HOPS, TELLING = 12, 0.5
 # Hops over which growth is fitted.
 GROWTH_HOPS = 12
+# Frames of the air before a cut, and of cuts before it, that are enough to know what was in them.
+HEARD = 10
 # Frames that are fainter by so much (logarithm of the power, 25 dB) are silence.
 SILENCE = 5.8
 
 # Indices into what is told of a line, in the order of `tracking.spectrum.Line`: the bin that it is at, interpolated;
 # share of the power; how far it stands out; coefficient of variation of its modulus over half of the ring; growth of
 # its logarithm in a hop; rise within the time of the ring, and within that of the reliefs, and the latter whatever the
-# surroundings did; correlation `LAG` hops apart.
-BIN, SHARE, PROMINENCE, VARIATION, GROWTH, RISE, LONG_RISE, ABSOLUTE_RISE, COHERENCE = range(9)
-MEASURES = 9
+# surroundings did; correlation `LAG` hops apart; how much more it stands out than in cuts before and the air between.
+BIN, SHARE, PROMINENCE, VARIATION, GROWTH, RISE, LONG_RISE, ABSOLUTE_RISE, COHERENCE, NEWS = range(10)
+MEASURES = 10
 
 # Indices of `LineState.counts`: hops taken, frames looked at
 TAKEN, FRAMES = range(2)
@@ -188,6 +190,7 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
         out[ABSOLUTE_RISE] = rise(
             state.powers, state.levels, state.cutting, since, counts[FRAMES], frames, b, state.scratch
         )
+        out[NEWS] = news(reliefs, state.cutting, since, counts[FRAMES], b, state.scratch)
     return count
 
 
@@ -400,6 +403,33 @@ def rise(heights, levels, cutting, since, head, frames, b, scratch):
     usual = median(scratch[:here])
     if here < count:
         usual = max(usual, median(scratch[:count]))
+    return 0.5 * (height - usual)
+
+
+@njit(**OPTIONS)
+def news(heights, cutting, since, head, b, scratch):
+    """Half the prominence of a bin less what it was before this cut: its median in cuts before, and in the last air.
+
+    Zero while the tool is not in the cut, and where not enough of both has been heard. Parameters as of `rise`.
+    """
+    columns = heights.shape[1]
+    newest = _before(head % columns, columns)
+    if not cutting[newest] or since >= columns:
+        return 0.0
+    known = min(head, columns)
+    usual = -math.inf
+    for cut in (False, True):
+        count = 0
+        column = (head - int(since)) % columns
+        for _ in range(int(since), known):
+            column = _before(column, columns)
+            if cutting[column] == cut and (cut or count < HEARD):
+                scratch[count] = max(heights[b - 1, column], heights[b, column], heights[b + 1, column])
+                count += 1
+        if count < HEARD:
+            return 0.0
+        usual = max(usual, median(scratch[:count]))
+    height = max(heights[b - 1, newest], heights[b, newest], heights[b + 1, newest])
     return 0.5 * (height - usual)
 
 

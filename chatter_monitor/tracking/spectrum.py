@@ -50,6 +50,9 @@ class Line(NamedTuple):
         The long rise with what the surroundings have risen.
     coherence : float
         Correlation of its complex amplitude after 25 ms: exp(-zeta omega t) for a mode.
+    news : float
+        Logarithm of its present amplitude over that in the cuts before this one and in the air between, beyond what its
+        surroundings have risen; 0 where that has not been heard.
     """
 
     frequency_hz: float
@@ -61,6 +64,7 @@ class Line(NamedTuple):
     long_rise: float
     absolute_rise: float
     coherence: float
+    news: float = 0.0
 
     @property
     def steady_share(self) -> float:

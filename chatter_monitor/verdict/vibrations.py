@@ -28,6 +28,9 @@ FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
 # Multiples that count as overtones, and how near to one a line has to be.
 OVERTONES, OVERTONE_HZ = 5, 8.0
 
+# A spindle is heard when it has this share of the power.
+HEARD_SHARE = 0.02
+
 # Vibrations that there is room for at first.
 ROOM = 64
 
@@ -120,6 +123,7 @@ class Following:
 def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
     """Prominent lines of an interval as the kernel takes them, shape (vibrations,)."""
     own = [v.line.share * left(v.line, evidence) for v in evidence.vibrations]
+    heard = evidence.orders.source == "refined" and evidence.orders.synchronous_share > HEARD_SHARE
     rows = []
     for v, dominance in zip(evidence.vibrations, own, strict=True):
         at_its_place = order_odds(v, evidence.orders, odds)
@@ -127,9 +131,19 @@ def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
             dominance += sum(
                 more for o, more in zip(evidence.vibrations, own, strict=True) if is_overtone(o.line, v.line)
             )
-        rows.append((*v.line, v.damping_ratio, at_its_place, dominance))
+        line = with_news(v.line) if heard and at_its_place > 0.0 else v.line
+        rows.append((*line[:-1], v.damping_ratio, at_its_place, dominance))
     # plain numbers are put into an array several times faster than records
     return np.array(rows, dtype=np.float64).reshape(-1).view(LINE)
+
+
+def with_news(line: Line) -> Line:
+    """A line that counts as risen by as much as it is more than in the cuts before and in the air between.
+
+    Chatter that is there as soon as the tool enters has not been seen to grow. Forced lines are new, too, when a job
+    is; so this is for lines off the orders of the spindle, where its speed is known and it is heard.
+    """
+    return line._replace(long_rise=max(line.long_rise, line.news), absolute_rise=max(line.absolute_rise, line.news))
 
 
 def is_overtone(line: Line, fundamental: Line) -> bool:
