@@ -238,6 +238,19 @@ class NaiveVibration:
         return np.asarray(posterior / posterior.sum())
 
 
+def news(history: NDArray[np.float64], cutting: NDArray[np.bool_], since: int, b: int, least: int) -> float:
+    """How much higher a bin is than before the tool entered: the larger upper median in cuts, and in the last air.
+
+    Rows of `history` are frames, the newest last; the tool entered `since` frames ago.
+    """
+    heights = history[:, b - 1 : b + 2].max(axis=1)
+    before, in_a_cut = heights[: len(heights) - since], cutting[: len(heights) - since]
+    cut, air = before[in_a_cut], before[~in_a_cut][-least:]
+    if not cutting[-1] or min(len(cut), len(air)) < least:
+        return 0.0
+    return 0.5 * float(heights[-1] - max(np.sort(some)[len(some) // 2] for some in (cut, air)))
+
+
 def follow_all(
     before: list[NaiveVibration], lines: list[np.void], rules: vibrations.Rules, weights: NDArray[np.float64]
 ) -> list[NaiveVibration]:

@@ -17,7 +17,7 @@ from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.candidates import Candidate
 from chatter_monitor.discrepancy.case import Case, Local, Threshold
 from chatter_monitor.discrepancy.evidence import Evidence
-from chatter_monitor.discrepancy.local import swing, told
+from chatter_monitor.discrepancy.local import APART_NATS, swing, told
 from chatter_monitor.discrepancy.name import PRICE_NATS
 
 Vector = NDArray[np.float64]
@@ -49,12 +49,12 @@ def find_above(case: Case) -> Local | None:
 
 
 def named_above(case: Case) -> Threshold | None:
-    """Amplitude above which the one term that is named acts; None if acting all along explains as much."""
+    """Amplitude above which the one term that is named acts; None if acting all along explains nearly as much."""
     if len(case.named) != 1 or case.local is not None or case.named[0].candidate.term.chip_thickness:
         return None
     named = case.named[0]
     found = begins(case, (named.candidate, named.all_columns))
-    return found if found.gain_nats > 0.0 else None
+    return found if found.gain_nats > APART_NATS else None
 
 
 def begins(case: Case, entry: Entry) -> Threshold:

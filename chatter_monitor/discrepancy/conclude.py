@@ -27,7 +27,6 @@ from chatter_monitor.discrepancy.findings import (
 )
 from chatter_monitor.discrepancy.innovations import Diverged
 from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
-from chatter_monitor.discrepancy.local import APART_NATS
 from chatter_monitor.discrepancy.name import MOST_TERMS, PRICE_NATS, Scored
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.report import Finding, Fit, Located, Report, Verdict
@@ -311,8 +310,7 @@ def _where(case: Case, finding: Finding) -> str:
     if case.local is not None and finding.name == case.local.as_likely[0].name:
         return f", {case.local.where} only"
     if case.threshold is not None and finding.name == case.named[0].candidate.name:
-        sure = case.threshold.gain_nats > APART_NATS
-        return f", {'' if sure else 'perhaps '}{case.threshold} only"
+        return f", {case.threshold} only"
     return ""
 
 

@@ -118,6 +118,26 @@ def test_the_first_frame_has_not_risen():
     assert lines.rise(np.ones((BINS, 12)), np.ones(12), np.ones(12, bool), np.inf, 1, 12, 20, np.zeros(12)) == 0.0
 
 
+@pytest.mark.parametrize("head", [40, 57, 90])
+@pytest.mark.parametrize("since", [1, 6, 30])
+def test_news_is_that_of_the_twin(head, since):
+    """What is new in a cut is so against the cuts before and the last air, once enough of both has been heard."""
+    rows, b = 57, 20
+    rng = np.random.default_rng(head + since)
+    history = rng.standard_normal((head, BINS))
+    in_the_cut = rng.random(head) > 0.5
+    in_the_cut[-since:] = True
+    kept, cutting = np.zeros((BINS, rows)), np.zeros(rows, bool)
+    for index, relief in enumerate(history):
+        kept[:, index % rows], cutting[index % rows] = relief, in_the_cut[index]
+    expected = naive.news(history[-rows:], in_the_cut[-rows:], since, b, lines.HEARD)
+    assert lines.news(kept, cutting, float(since), head, b, np.zeros(rows)) == pytest.approx(expected)
+    in_the_air = cutting.copy()
+    in_the_air[(head - 1) % rows] = False
+    assert lines.news(kept, in_the_air, float(since), head, b, np.zeros(rows)) == 0.0
+    assert lines.news(kept, cutting, np.inf, head, b, np.zeros(rows)) == 0.0
+
+
 def test_nothing_rises_out_of_the_cut():
     """While nothing is cut no line has risen, however loud it is against the cut before."""
     loud = np.ones((BINS, 12))

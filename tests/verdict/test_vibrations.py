@@ -150,6 +150,27 @@ def test_overtones_count_off_the_orders(rotation_hz, overtones):
     assert lines_of(heard, Odds())["dominance"] == pytest.approx([sum(shares[: 1 + overtones]), *shares[1:]])
 
 
+@pytest.mark.parametrize(
+    ("source", "share", "rotation_hz", "counts"),
+    [
+        ("refined", 0.1, 30.0, True),
+        ("refined", 0.0, 30.0, False),  # it is not heard
+        ("found", 0.1, 30.0, False),  # any comb: a new job brings another
+        ("refined", 0.1, 100.0, False),  # on an order
+    ],
+)
+def test_what_is_new_in_a_cut_has_risen_off_the_orders_of_a_known_spindle(source, share, rotation_hz, counts):
+    """A line that was in no cut before, nor in the air, counts as risen by as much where nothing else explains it."""
+    heard = interval(495.0, rising=False)
+    orders = Orders(0, rotation_hz, 0.01, source, share)
+    place = place_among_orders(495.0, orders, 1)
+    vibration = heard.vibrations[0]
+    line = vibration.line._replace(news=2.0)
+    heard = heard._replace(orders=orders, vibrations=(vibration._replace(line=line, rotation=place, teeth=place),))
+    expected = 2.0 if counts else 0.0
+    assert lines_of(heard, Odds())[["long_rise", "absolute_rise"]].tolist() == [(expected, expected)]
+
+
 def test_at_rest_only_chatter_is_remembered():
     """While nothing is cut there is no alarm; only what has chattered is known when the cut goes on, for a minute."""
     following = Following()

@@ -1,0 +1,188 @@
+"""Passes as plain as they can be: chatter that is there as soon as the tool enters should be an alarm, a new job none.
+
+Made of a resonance that noise drives, a comb of teeth, and a self-excited oscillation; it shares nothing with the cuts
+of `benchmarks.verdict`. The tool enters and leaves within 50 ms; between passes there is the noise of a room.
+
+- ``chatter``: two calm passes, then one that chatters from its first moment. Speeds are told within 1 %, or not at all.
+- ``jobs``: four calm passes, each of another job. Speeds are told in time, or the first one goes on being believed, or
+  none is told; in half of the runs a pump is switched on in a pause.
+
+Run: python -m benchmarks.verdict.entries [--seeds 10] [--first 0]
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from chatter_monitor.records import Verdict
+from chatter_monitor.tracking.channel import Channel
+from chatter_monitor.tracking.orders import OrderSettings
+from chatter_monitor.tracking.spindle import SpindleSettings
+from chatter_monitor.tracking.tracker import INTERVAL_S, TrackerSettings
+from chatter_monitor.verdict.evidence import weigh
+from chatter_monitor.verdict.judge import Judge, JudgeSettings
+
+RATE_HZ = 12800.0
+FRAME = round(INTERVAL_S * RATE_HZ)
+ENTERING_S = 0.05
+NEGATIVE_DAMPING = 0.02  # of what excites itself, where it is small
+
+Signal = NDArray[np.float64]
+
+
+class Job(NamedTuple):
+    """A pass: when it begins and ends (s), and the spindle's speed (Hz) and teeth."""
+
+    begins_s: float
+    ends_s: float
+    rotation_hz: float
+    teeth: int
+
+
+def resonance(frequency_hz: float, damping: float, force: Signal) -> Signal:
+    """Response of a mode to a force, of unit size."""
+    pole = np.exp(2 * np.pi * frequency_hz / RATE_HZ * (-damping + 1j * np.sqrt(1 - damping**2)))
+    response = np.asarray(lfilter([1.0], [1.0, -2 * pole.real, abs(pole) ** 2], force))
+    return response / np.std(response)
+
+
+@njit(cache=True)
+def _limited(omega: float, step_s: float, steps: int, force: Signal) -> Signal:
+    """Van der Pol's oscillator from rest, four steps a sample."""
+    x = v = 0.0
+    out = np.empty(force.size)
+    for i in range(force.size):
+        for _ in range(steps):
+            v += step_s * (force[i] - 2.0 * omega * NEGATIVE_DAMPING * (4.0 * x * x - 1.0) * v - omega * omega * x)
+            x += step_s * v
+        out[i] = x
+    return out
+
+
+def chatter(frequency_hz: float, samples: int, rng: np.random.Generator) -> Signal:
+    """A self-excited oscillation at the size at which it stays, of unit size."""
+    settling = round(2.0 * RATE_HZ)
+    omega = 2 * np.pi * frequency_hz
+    force = 0.02 * omega**2 * rng.standard_normal(samples + settling)
+    grown = _limited(omega, 0.25 / RATE_HZ, 4, force)[settling:]
+    return np.asarray(grown / np.std(grown))
+
+
+def teeth(job: Job, t: Signal, rng: np.random.Generator) -> Signal:
+    """Eight multiples of the passing of teeth, of unit size together."""
+    passing_hz = job.rotation_hz * job.teeth
+    comb = sum(
+        rng.uniform(0.05, 1.0) * np.cos(2 * np.pi * passing_hz * order * t + rng.uniform(0, 2 * np.pi))
+        for order in range(1, 9)
+        if passing_hz * order < 0.45 * RATE_HZ
+    )
+    return np.asarray(comb / np.std(comb))
+
+
+def engaged(job: Job, t: Signal) -> Signal:
+    """How far the tool is in the cut, 0 to 1."""
+    return np.asarray(np.clip((t - job.begins_s) / ENTERING_S, 0, 1) * np.clip((job.ends_s - t) / ENTERING_S, 0, 1))
+
+
+def chattering_pass(seed: int) -> tuple[Signal, list[Job], float]:
+    """Two calm passes and one that chatters; the signal, its passes, and when the last begins (s)."""
+    rng = np.random.default_rng([5, seed])
+    t = np.arange(round(11.0 * RATE_HZ)) / RATE_HZ
+    frequency_hz, damping = float(np.exp(rng.uniform(np.log(200), np.log(2000)))), float(rng.uniform(0.01, 0.04))
+    rotation_hz, number = float(rng.uniform(15, 100)), int(rng.integers(1, 6))
+    jobs = [Job(begins, ends, rotation_hz, number) for begins, ends in ((1, 3), (4, 6), (7, 12))]
+    noise = rng.standard_normal((4, t.size))
+    cut = (
+        0.1 * resonance(frequency_hz, damping, noise[0])
+        + 0.15 * resonance(1.6 * frequency_hz, 0.03, noise[1])
+        + 0.05 * noise[2]
+        + 0.3 * teeth(jobs[0], t, rng)
+        + (t >= jobs[-1].begins_s) * chatter(frequency_hz, t.size, rng)
+    )
+    return sum(engaged(job, t) for job in jobs) * cut + 0.01 * noise[3], jobs, jobs[-1].begins_s
+
+
+def calm_jobs(seed: int) -> tuple[Signal, list[Job]]:
+    """Four calm passes of four jobs."""
+    rng = np.random.default_rng([3, seed])
+    t = np.arange(round(22.0 * RATE_HZ)) / RATE_HZ
+    frequency_hz, damping = float(np.exp(rng.uniform(np.log(150), np.log(2000)))), float(rng.uniform(0.01, 0.05))
+    signal = float(rng.choice([0.01, 0.03])) * rng.standard_normal(t.size)
+    if rng.random() < 0.5:
+        signal += 0.1 * np.cos(2 * np.pi * float(rng.uniform(80, 900)) * t) * (t > 10.5)
+    jobs = []
+    for number in range(4):
+        job = Job(1 + 5 * number, 5 + 5 * number, float(rng.uniform(12, 110)), int(rng.integers(1, 6)))
+        noise = rng.standard_normal((3, t.size))
+        cut = (
+            0.5 * resonance(frequency_hz, damping, noise[0])
+            + 0.15 * resonance(1.7 * frequency_hz, 0.03, noise[1])
+            + 0.05 * noise[2]
+            + float(rng.choice([0.2, 0.7, 2.0])) * teeth(job, t, rng)
+        )
+        signal += float(rng.uniform(0.5, 2.0)) * engaged(job, t) * cut
+        jobs.append(job)
+    return signal, jobs
+
+
+def verdicts(signal: Signal, told: Sequence[tuple[float, SpindleSettings]]) -> list[Verdict]:
+    """What the monitor says of a signal, when it is told these spindles at these times (s), the first at once."""
+    spindle = told[0][1]
+    channel, judge = Channel(TrackerSettings(), OrderSettings(), spindle), Judge(JudgeSettings(), interval_s=INTERVAL_S)
+    later = list(told[1:])
+    said: list[Verdict] = []
+    for first in range(0, signal.size - FRAME + 1, FRAME):
+        if later and first / RATE_HZ >= later[0][0]:
+            spindle = later.pop(0)[1]
+            channel.set_spindle(spindle)
+        observations = channel.process(first, signal[first : first + FRAME])
+        said.extend(judge.verdict(weigh(seen, spindle), first, FRAME, RATE_HZ) for seen in observations)
+    return said
+
+
+def told_of(job: Job, off: float = 1.0) -> SpindleSettings:
+    """What is told of a pass, with a speed that is off by a factor."""
+    return SpindleSettings(speed_rpm=60.0 * job.rotation_hz * off, teeth=job.teeth)
+
+
+def main() -> None:
+    """Count and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--first", type=int, default=0)
+    given = parser.parse_args()
+    seeds = range(given.first, given.first + given.seeds)
+    for known in (True, False):
+        after_s = []
+        for seed in seeds:
+            signal, jobs, begins_s = chattering_pass(seed)
+            spindle = told_of(jobs[0], 1.005) if known else SpindleSettings()
+            alarms = [v.t1 for v in verdicts(signal, [(0.0, spindle)]) if v.state == "self_excited"]
+            after_s += [min(t for t in alarms if t > begins_s) - begins_s] if alarms else []
+        median = f", after {np.median(after_s):.2f} s (median)" if after_s else ""
+        print(f"chatter from the entry, speed {'told' if known else 'unknown'}: {len(after_s)} of {len(seeds)}{median}")
+    for how in ("told", "the first one believed", "unknown"):
+        states: Counter[str] = Counter()
+        runs = 0
+        for seed in seeds:
+            signal, jobs = calm_jobs(seed)
+            spindles = [(job.begins_s - 0.5, told_of(job, 1.005)) for job in jobs]
+            said = verdicts(signal, {"told": spindles, "unknown": [(0.0, SpindleSettings())]}.get(how, spindles[:1]))
+            states.update(v.state for v in said)
+            runs += any(v.state == "self_excited" for v in said)
+        shares = ", ".join(
+            f"{state} {100 * states[state] / states.total():.1f} %" for state in ("self_excited", "approaching")
+        )
+        print(f"new jobs, speed {how}: a false alarm in {runs} of {len(seeds)} runs; of the intervals {shares}")
+
+
+if __name__ == "__main__":
+    main()
