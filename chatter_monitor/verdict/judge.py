@@ -132,8 +132,7 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     if memory.synchronous > MOST:
         return Opinion("forced", calm * forced, _why_forced(evidence))
     if suspect is not None and suspect.self_excited >= settings.warning_probability:
-        why = f"{_line(suspect)} begins to grow by itself; not certain yet"
-        return Opinion("approaching", WARNING_RIGHT * calm, (why,), suspect.heard)
+        return Opinion("approaching", WARNING_RIGHT * calm, (_why_warned(suspect),), suspect.heard)
     if memory.forced_share > settings.forced_share + (-HYSTERESIS if memory.forced else HYSTERESIS):
         strongest = _steadiest(memory)
         if strongest is None or memory.synchronous > 0.5 * memory.forced_share:
@@ -184,6 +183,13 @@ def _is_forced(mode: ModeEvidence, memory: Memory) -> bool:
     )
 
 
+def _why_warned(suspect: Followed) -> str:
+    """What is not certain: whether it grows, or what makes it."""
+    if suspect.kinds.risen < suspect.unexplained:
+        return f"{_line(suspect)} begins to grow; not certain yet"
+    return f"{_line(suspect)} has risen; it may grow by itself, or come from something that turns"
+
+
 def _why_chatter(alarm: Followed) -> tuple[str, ...]:
     if alarm.heard is None:
         return ("the vibration has not died down since the alarm",)
@@ -191,6 +197,8 @@ def _why_chatter(alarm: Followed) -> tuple[str, ...]:
     reasons = [f"{_line(alarm)} {'grows' if alarm.kinds.growing > alarm.kinds.saturated else 'has grown'} by itself"]
     if line.absolute_rise > 0.5:
         reasons.append(f"{math.exp(line.absolute_rise):.1f} times its amplitude of the last seconds")
+    elif line.news > 0.5:
+        reasons.append(f"it stands out {math.exp(line.news):.1f} times as much as in the cuts before")
     reasons.append(f"it takes {100 * line.share:.0f} % of the power that is not in multiples of a rotation")
     if mode is not None:
         reasons.append(f"damping {_percent(mode)}")

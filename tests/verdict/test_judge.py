@@ -132,6 +132,25 @@ def test_growth_is_a_warning_and_then_an_alarm():
     assert set(grown[first:]) == {"self_excited"}
 
 
+def test_a_warning_tells_what_is_not_certain():
+    """Whether it grows, as long as that is less sure than that nothing else explains it; else what makes it."""
+    begins = Followed(HZ, Kinds(0.8, 0.2, 0.0, 0.0), unexplained=0.9, heard=growing())
+    risen = Followed(HZ, Kinds(0.0, 0.5, 0.5, 0.0), unexplained=0.3, heard=growing())
+    for suspect, why in ((begins, "begins to grow; not certain yet"), (risen, "come from something that turns")):
+        view = opinion(GROWS, Memory(vibrations=(suspect,)), JudgeSettings())
+        assert view.state == "approaching"
+        assert view.reasons[0].endswith(why)
+
+
+def test_an_alarm_from_the_entry_tells_what_is_new():
+    """Of a line that has not risen since the tool entered, how much more it stands out than in cuts before is told."""
+    entered = steady()
+    entered = entered._replace(line=entered.line._replace(news=math.log(5.0)))
+    alarm = Followed(HZ, Kinds(0.0, 0.9, 0.1, 0.0), unexplained=0.9, alarm_for=3, heard=entered)
+    view = opinion(evidence(entered), Memory(vibrations=(alarm,)), JudgeSettings())
+    assert view.reasons[1] == "it stands out 5.0 times as much as in the cuts before"
+
+
 def test_growth_beyond_chance_is_an_alarm_at_once():
     """What has grown twentyfold is the alarm after two to three intervals."""
     assert 1 <= states(*ONSET)[40:].index("self_excited") <= 2
