@@ -178,7 +178,7 @@ class NaiveVibration:
 
     def is_it(self, line: np.void) -> bool:
         away = abs(np.log(line["frequency_hz"] / self.hertz))
-        return bool(away < max(vibrations.SAME_VIBRATION, vibrations.LINE_WIDTH_HZ / self.hertz))
+        return bool(away < max(0.06 if self.missed < vibrations.FORGOTTEN else 0.03, 25.0 / self.hertz))
 
     def interval(self, line: np.void | None, rules: vibrations.Rules, weights: NDArray[np.float64]) -> None:
         seen = np.array(vibrations.NOT_HEARD)

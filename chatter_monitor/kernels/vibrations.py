@@ -12,6 +12,8 @@ from chatter_monitor.kernels.options import OPTIONS
 # A line belongs to a vibration when it is this near, relatively or in Hz.
 SAME_VIBRATION = 0.06
 LINE_WIDTH_HZ = 25.0
+# What comes back after a silence is the same vibration only when it is nearer: nobody has followed it there.
+COMES_BACK = 0.03
 # What an interval says of a vibration that none of its prominent lines belongs to.
 NOT_HEARD = Likeness(-1.0, -1.0, -1.0)
 # Intervals without a line after which it is forgotten; a minute if it has chattered, because it will again.
@@ -157,7 +159,8 @@ def _suspicion(vibration):
 def _line_of(vibration, lines, taken):
     """The nearest of the lines that are left, if it is near enough."""
     nearest = NO_LINE
-    distance = max(SAME_VIBRATION, LINE_WIDTH_HZ / vibration.frequency_hz)
+    relative = SAME_VIBRATION if vibration.missed < FORGOTTEN else COMES_BACK
+    distance = max(relative, LINE_WIDTH_HZ / vibration.frequency_hz)
     for i in range(lines.shape[0]):
         away = abs(math.log(lines[i].frequency_hz / vibration.frequency_hz))
         if away < distance and not taken[i]:

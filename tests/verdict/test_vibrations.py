@@ -96,6 +96,17 @@ def test_what_is_not_heard_is_forgotten(chattered, limit):
     assert not len(followed(known, np.empty(0, LINE)))
 
 
+@pytest.mark.parametrize(
+    ("missed", "away", "same"), [(0, 0.05, True), (0, 0.07, False), (200, 0.025, True), (200, 0.04, False)]
+)
+def test_after_a_silence_the_same_vibration_is_nearer(missed, away, same):
+    """A line is followed for some per cent; what chattered some passes ago has to come back where it was."""
+    known = np.zeros(1, VIBRATION)
+    known["frequency_hz"], known["chattered"], known["noise"], known["missed"] = 1500.0, True, 1.0, missed
+    line = lines_of(interval(1500.0 * np.exp(away)), Odds())
+    assert len(followed(known, line)) == (1 if same else 2)
+
+
 def interval(*frequencies_hz, rising=True):
     behaviour = (0.7, 60.0, 2.3, 3.0, 3.0) if rising else (0.02, 0.0, 0.0, 0.0, 0.0)
     vibrations = tuple(Vibration(Line(hertz, 0.9, 35.0, *behaviour, 0.99), None) for hertz in frequencies_hz)
