@@ -47,11 +47,11 @@ def test_a_column_that_is_next_to_nothing_now_is_zero(blocks):
 
 
 def test_a_change_is_measured_as_by_hand(blocks):
-    """Both statistics are those of the formulas: of two fits' difference, and of log ratios of mean powers."""
+    """The statistics are as by the formulas: of two fits' difference, of log ratios of mean powers, how these vary."""
     products, powers = blocks
-    retuned, coloured = np.empty((2, SIZES.size))
+    retuned, coloured, spreads = np.empty((3, SIZES.size))
     sums = summed(products), summed(np.stack([powers, powers**2], axis=1))
-    kernel.changed(*sums, BLOCKS, SIZES, 2, 3, 5.0, retuned, coloured)
+    kernel.changed(*sums, BLOCKS, SIZES, 2, 3, 5.0, retuned, coloured, spreads)
     for i, size in enumerate(SIZES):
         at = BLOCKS - size
         fits = []
@@ -65,3 +65,4 @@ def test_a_change_is_measured_as_by_hand(blocks):
         varies = np.mean((powers[:at] ** 2).mean(axis=0) / mean**2 - 1.0) * 5.0 * at / (at - 1)
         expected = np.sum((ratio - ratio.mean()) ** 2) * 5.0 / (max(varies, 1.0) * (1.0 / at + 1.0 / size))
         assert coloured[i] == pytest.approx(expected)
+        assert spreads[i] == pytest.approx(max(varies, 1.0))
