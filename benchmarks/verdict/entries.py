@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -22,20 +23,15 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from chatter_monitor.records import Verdict
-from chatter_monitor.tracking.channel import Channel
-from chatter_monitor.tracking.orders import OrderSettings
-from chatter_monitor.tracking.spindle import SpindleSettings
-from chatter_monitor.tracking.tracker import INTERVAL_S, TrackerSettings
-from chatter_monitor.verdict.evidence import weigh
-from chatter_monitor.verdict.judge import Judge, JudgeSettings
+from benchmarks.verdict.cut import RATE_HZ
+from benchmarks.verdict.monitor import Passage, watch
+from chatter_monitor.tracking.tracker import INTERVAL_S
 
-RATE_HZ = 12800.0
-FRAME = round(INTERVAL_S * RATE_HZ)
 ENTERING_S = 0.05
 NEGATIVE_DAMPING = 0.02  # of what excites itself, where it is small
 
 Signal = NDArray[np.float64]
+Announced = tuple[float, int]  # revolutions per minute, teeth
 
 
 class Job(NamedTuple):
@@ -133,24 +129,17 @@ def calm_jobs(seed: int) -> tuple[Signal, list[Job]]:
     return signal, jobs
 
 
-def verdicts(signal: Signal, told: Sequence[tuple[float, SpindleSettings]]) -> list[Verdict]:
-    """What the monitor says of a signal, when it is told these spindles at these times (s), the first at once."""
-    spindle = told[0][1]
-    channel, judge = Channel(TrackerSettings(), OrderSettings(), spindle), Judge(JudgeSettings(), interval_s=INTERVAL_S)
-    later = list(told[1:])
-    said: list[Verdict] = []
-    for first in range(0, signal.size - FRAME + 1, FRAME):
-        if later and first / RATE_HZ >= later[0][0]:
-            spindle = later.pop(0)[1]
-            channel.set_spindle(spindle)
-        observations = channel.process(first, signal[first : first + FRAME])
-        said.extend(judge.verdict(weigh(seen, spindle), first, FRAME, RATE_HZ) for seen in observations)
-    return said
-
-
-def told_of(job: Job, off: float = 1.0) -> SpindleSettings:
+def announced(job: Job, off: float = 1.005) -> Announced:
     """What is told of a pass, with a speed that is off by a factor."""
-    return SpindleSettings(speed_rpm=60.0 * job.rotation_hz * off, teeth=job.teeth)
+    return 60.0 * job.rotation_hz * off, job.teeth
+
+
+def states(signal: Signal, told: Sequence[tuple[float, Announced]]) -> list[str]:
+    """What the monitor says of each interval when speeds and teeth are told at these times (s), ascending."""
+    pieces = np.split(signal, [round(begins_s * RATE_HZ) for begins_s, _ in told])
+    known = [None, *(spindle for _, spindle in told)]
+    passages = (Passage(piece, "", spindle) for piece, spindle in zip(pieces, known, strict=True) if piece.size)
+    return list(chain.from_iterable(each.states for each in watch(passages, announce=True)))
 
 
 def main() -> None:
@@ -164,22 +153,22 @@ def main() -> None:
         after_s = []
         for seed in seeds:
             signal, jobs, begins_s = chattering_pass(seed)
-            spindle = told_of(jobs[0], 1.005) if known else SpindleSettings()
-            alarms = [v.t1 for v in verdicts(signal, [(0.0, spindle)]) if v.state == "self_excited"]
-            after_s += [min(t for t in alarms if t > begins_s) - begins_s] if alarms else []
+            said = states(signal, [(0.0, announced(jobs[0]))] if known else [])
+            alarms = INTERVAL_S * (1 + np.flatnonzero(np.array(said) == "self_excited"))
+            after_s += [min(t for t in alarms if t > begins_s) - begins_s] if alarms.size else []
         median = f", after {np.median(after_s):.2f} s (median)" if after_s else ""
         print(f"chatter from the entry, speed {'told' if known else 'unknown'}: {len(after_s)} of {len(seeds)}{median}")
     for how in ("told", "the first one believed", "unknown"):
-        states: Counter[str] = Counter()
+        heard: Counter[str] = Counter()
         runs = 0
         for seed in seeds:
             signal, jobs = calm_jobs(seed)
-            spindles = [(job.begins_s - 0.5, told_of(job, 1.005)) for job in jobs]
-            said = verdicts(signal, {"told": spindles, "unknown": [(0.0, SpindleSettings())]}.get(how, spindles[:1]))
-            states.update(v.state for v in said)
-            runs += any(v.state == "self_excited" for v in said)
+            told = [(job.begins_s - 0.5, announced(job)) for job in jobs]
+            said = states(signal, {"told": told, "unknown": []}.get(how, told[:1]))
+            heard.update(said)
+            runs += "self_excited" in said
         shares = ", ".join(
-            f"{state} {100 * states[state] / states.total():.1f} %" for state in ("self_excited", "approaching")
+            f"{state} {100 * heard[state] / heard.total():.1f} %" for state in ("self_excited", "approaching")
         )
         print(f"new jobs, speed {how}: a false alarm in {runs} of {len(seeds)} runs; of the intervals {shares}")
 
