@@ -10,6 +10,7 @@ being a finding. Periodogram ordinates are exponentially distributed about S, so
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -112,6 +113,15 @@ def periodogram(recorded: Recorded, width_hz: float) -> Periodogram:
     return Periodogram(frequency, ordinates.mean(axis=1), np.full(bins, group * effective), nyquist)
 
 
+def receptance_of(modes: Sequence[Mode], s: NDArray[np.complexfloating], square: Vector) -> NDArray[np.complexfloating]:
+    """Displacement for a force at frequencies s = j w, with their squares, -w^2."""
+    receptance = np.zeros(s.size, dtype=np.complex128)
+    for mode in modes:
+        stiffness = square + mode.omega**2 + (2.0 * mode.damping_ratio * mode.omega) * s
+        receptance += mode.participation**2 / stiffness
+    return receptance
+
+
 class _Density:
     """Logarithm of S as a function of a vector.
 
@@ -180,10 +190,7 @@ class _Density:
     def response(self, linear: Linear) -> Vector:
         """Squared response of what the sensor measures to the force."""
         s = self.s
-        receptance = np.zeros(s.size, dtype=np.complex128)
-        for mode in linear.modes:
-            stiffness = self.square + mode.omega**2 + (2.0 * mode.damping_ratio * mode.omega) * s
-            receptance += mode.participation**2 / stiffness
+        receptance = receptance_of(linear.modes, s, self.square)
         if self.lag is not None:
             receptance /= 1.0 + linear.regeneration * linear.modes[0].omega ** 2 * (1.0 - self.lag) * receptance
         moved = {"displacement": np.ones(1), "velocity": s, "acceleration": self.square, "pressure": self.square}

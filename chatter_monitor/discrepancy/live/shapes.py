@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy.live.refit import SEPARATE
 from chatter_monitor.discrepancy.observer import Linear
-from chatter_monitor.discrepancy.spectrum import log_density
+from chatter_monitor.discrepancy.spectrum import log_density, receptance_of
 from chatter_monitor.physics.parts import Mode
 
 # Of the other mode's response at its resonance over that of the machine there. Between two resonances the two are a
@@ -38,23 +38,14 @@ def of_another_mode(linear: Linear, rate_hz: float, bands: int) -> NDArray[np.fl
     at = (np.arange(bands) + 0.5) * nyquist_hz / bands
     main = linear.modes[0]
     apart = [abs(at - mode.frequency_hz) > SEPARATE * mode.damping_ratio * mode.frequency_hz for mode in linear.modes]
-    shapes = []
+    w = 2.0 * np.pi * at
+    loud = LOUDNESS * np.abs(receptance_of(linear.modes, 1j * w, -(w**2)))
+    participation = np.sqrt(loud * 2.0 * main.damping_ratio * w**2)  # squared, over its impedance at resonance
     now = log_density(linear, at, nyquist_hz)
-    for frequency_hz in at[np.all(apart, axis=0)]:
-        loud = LOUDNESS * abs(_receptance(linear, float(frequency_hz)))
-        added = Mode(float(frequency_hz), main.damping_ratio)
-        participation = (loud / abs(_receptance(replace(linear, modes=(added,)), float(frequency_hz)))) ** 0.5
-        modes = (*linear.modes, replace(added, participation=participation))
-        change = log_density(replace(linear, modes=modes), at, nyquist_hz) - now
+    shapes = []
+    for i in np.flatnonzero(np.all(apart, axis=0)):
+        added = Mode(float(at[i]), main.damping_ratio, float(participation[i]))
+        change = log_density(replace(linear, modes=(*linear.modes, added)), at, nyquist_hz) - now
         shapes.append(change - change.mean())
     found = np.array(shapes).reshape(-1, bands)
     return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
-
-
-def _receptance(linear: Linear, frequency_hz: float) -> complex:
-    """Displacement for a force, without regeneration."""
-    s = 2j * np.pi * frequency_hz
-    return sum(
-        mode.participation**2 / (s**2 + 2.0 * mode.damping_ratio * mode.omega * s + mode.omega**2)
-        for mode in linear.modes
-    )
