@@ -51,10 +51,10 @@ VIBRATION = np.dtype(
         ("steady", float),
         ("unexplained", float),  # probability that nothing that turns explains it, if it has risen
         ("alarm_for", np.int64),  # intervals since an alarm began that is about it; 0 without one
+        ("chattered", np.bool_),  # whether there has been one
         ("line", np.int64),  # its line in this interval
         ("order_odds", float),  # log odds by its place among the orders, averaged
         ("dominance", float),  # its share of the power, averaged likewise; the largest while an alarm is about it
-        ("chattered", np.bool_),  # whether there has been one
         ("missed", np.int64),  # intervals since its line was heard
         ("heard", np.int64),  # intervals in which it was
         ("place", float),  # logarithm of its frequency, filtered

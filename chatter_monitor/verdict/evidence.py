@@ -127,13 +127,6 @@ class Evidence(NamedTuple):
     rms: float
     flags: Flag
 
-    @property
-    def forced_share(self) -> float:
-        """Share of the power that is forced, unless it is chatter: what turns with the spindle, and steady lines."""
-        synchronous = self.orders.synchronous_share
-        steady = sum(vibration.line.steady_share for vibration in self.vibrations)
-        return synchronous + (1.0 - synchronous) * min(steady, 1.0)
-
 
 def modes_evidence(frame: OdpFrame) -> tuple[list[ModeEvidence | None], list[list[int]]]:
     """Summarise each mode slot.

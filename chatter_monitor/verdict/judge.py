@@ -13,7 +13,7 @@ import msgspec
 from chatter_monitor.kernels.vibrations import Rules
 from chatter_monitor.records import Flag, State, Verdict
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration, probability_below, spindle_order
-from chatter_monitor.verdict.vibrations import Followed, Following
+from chatter_monitor.verdict.vibrations import Followed, Following, forced_share
 
 # States in which a cut has no margin: none is made, nothing is known, or there is nothing left of it.
 WITHOUT_MARGIN = ("idle", "unknown", "self_excited")
@@ -157,8 +157,7 @@ def _forced_by(share: float) -> float:
 
 def _steadiest(memory: Memory) -> Followed | None:
     """Of the vibrations that are heard, the one with most steady power."""
-    steady = [(v.heard.line.steady_share, v) for v in memory.vibrations if v.heard is not None]
-    return max(steady, key=lambda pair: pair[0], default=(0.0, None))[1]
+    return max((v for v in memory.vibrations if v.steady_share), key=lambda v: v.steady_share, default=None)
 
 
 def _stable_or_near(evidence: Evidence, memory: Memory, sure: float, settings: JudgeSettings) -> Opinion:
@@ -276,10 +275,12 @@ class Judge:
         """Follow what an interval shows."""
         rules = Rules(self._settings.alarm_probability, self._settings.calm_probability)
         vibrations = self._following.follow(evidence, rules)
+        synchronous = evidence.orders.synchronous_share
+        forced = forced_share(synchronous, vibrations)
         return memory._replace(
             vibrations=vibrations,
-            synchronous=memory.synchronous + AVERAGING * (evidence.orders.synchronous_share - memory.synchronous),
-            forced_share=memory.forced_share + AVERAGING * (evidence.forced_share - memory.forced_share),
+            synchronous=memory.synchronous + AVERAGING * (synchronous - memory.synchronous),
+            forced_share=memory.forced_share + AVERAGING * (forced - memory.forced_share),
         )
 
     def _hear(self, level: float) -> Memory:

@@ -9,6 +9,7 @@ changes when the speed becomes known. What an interval does to a vibration is to
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -50,6 +51,8 @@ class Followed(NamedTuple):
         Probability that nothing that turns explains it, if it has risen.
     alarm_for : int
         Intervals since an alarm began that is about it; 0 without one.
+    chattered : bool
+        Whether there has been an alarm about it, within the last minute.
     heard : Vibration or None
         Its line in this interval.
     """
@@ -58,6 +61,7 @@ class Followed(NamedTuple):
     kinds: Kinds
     unexplained: float = 0.0
     alarm_for: int = 0
+    chattered: bool = False
     heard: Vibration | None = None
 
     @property
@@ -69,6 +73,11 @@ class Followed(NamedTuple):
     def forced(self) -> float:
         """Probability that something forces it: steady from the start, or risen and explained."""
         return self.kinds.steady + self.kinds.risen * (1.0 - self.unexplained)
+
+    @property
+    def steady_share(self) -> float:
+        """Share of the power that is steady in it; none of what has chattered, for that dies down as calmly."""
+        return 0.0 if self.heard is None or self.chattered else self.heard.line.steady_share
 
 
 class Following:
@@ -114,10 +123,17 @@ class Following:
                 Kinds(noise, growing, saturated, steady),
                 unexplained,
                 alarm_for,
+                chattered,
                 None if line == kernel.NO_LINE else heard[line],
             )
-            for frequency_hz, noise, growing, saturated, steady, unexplained, alarm_for, line, *_ in known
+            for frequency_hz, noise, growing, saturated, steady, unexplained, alarm_for, chattered, line, *_ in known
         )
+
+
+def forced_share(synchronous: float, vibrations: Iterable[Followed]) -> float:
+    """Share of the power that is forced: what turns with the spindle, and steady lines that have not chattered."""
+    steady = sum(vibration.steady_share for vibration in vibrations)
+    return synchronous + (1.0 - synchronous) * min(steady, 1.0)
 
 
 def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:

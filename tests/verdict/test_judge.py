@@ -132,6 +132,16 @@ def test_growth_is_a_warning_and_then_an_alarm():
     assert set(grown[first:]) == {"self_excited"}
 
 
+def test_what_dies_down_after_chatter_is_not_forced():
+    """A vibration that has chattered rings on, as calm as a forced line; little is left, until its damping is back."""
+    dying = steady(damping=0.001)
+    dying = dying._replace(line=dying.line._replace(long_rise=-1.0, absolute_rise=-1.0))
+    after = states(*ONSET, *[evidence(dying, critical=mode(0.001))] * 20, *[evidence(dying, critical=mode(0.01))] * 20)
+    assert "forced" not in after
+    assert (after[-30], after[-1]) == ("approaching", "stable")
+    assert states(*[CALM] * 40, *[evidence(steady())] * 40)[-1] == "forced"  # what has not chattered is
+
+
 def test_a_warning_tells_what_is_not_certain():
     """Whether it grows, as long as that is less sure than that nothing else explains it; else what makes it."""
     begins = Followed(HZ, Kinds(0.8, 0.2, 0.0, 0.0), unexplained=0.9, heard=growing())
