@@ -25,8 +25,8 @@ SHAPES: dict[tuple[str, str], tuple[str, tuple[float, ...]]] = {
 }
 # What one recording cannot tell from viscous damping, and what the spectrum tells: lines, and the comb of a delay.
 ELSEWHERE = ("process_damping", "periodic_forcing", "regenerative_delay", "loss_of_contact")
-# x, v, lagged, angle, w, memory
-_PROBES = tuple((0.7 * s, 0.3 * s * s - 0.8, 0.2 * s, 0.5, 1.0, 0.4 * s) for s in (-3.1, -1.3, -0.4, 0.2, 0.9, 2.3))
+# x, v, lagged, memory over their rms, as far out as the widest shapes above
+_PROBES = tuple((1.3 * s, 0.3 * s * s - 0.8, -0.4 * s, 0.4 * s) for s in (-3.1, -1.3, -0.4, 0.2, 0.9, 2.3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,8 @@ class Candidate:
     linear : tuple of int
         Indices of the coefficients.
     shapes : int
-        How many shape parameters were searched; one that is at 0 is none.
+        How many shape parameters were searched; one that is at 0 is none. Where the tool leaves the cut, the
+        coefficient is that of the regeneration which the machine has already, so one parameter less.
     """
 
     term: Term
@@ -63,11 +64,21 @@ class Candidate:
         """Parameters with coefficient `i` 1 and the others 0."""
         return tuple(1.0 if j == i else value for j, value in enumerate(self.values))
 
-    def acts(self, i: int) -> tuple[float, ...]:
-        """What that unit does at a few states: equal for equal forces, whatever they are called."""
+    def acts(self, i: int, size: tuple[float, float]) -> tuple[float, ...]:
+        """What that unit does at a few states: equal for equal forces, whatever they are called.
+
+        Parameters
+        ----------
+        i : int
+            The unit.
+        size : (float, float)
+            rms displacement and velocity; forces that differ only where the motion does not come count as equal.
+        """
+        sd_x, sd_v = size
         unit = self.unit(i)
         laws = [self.term.force, *([self.term.memory_rate] if self.term.memory_rate else [])]
-        return tuple(law(*state, unit) for law in laws for state in _PROBES)
+        states = [(x * sd_x, v * sd_v, lagged * sd_x, 0.5, sd_v / sd_x, z * sd_x) for x, v, lagged, z in _PROBES]
+        return tuple(law(*state, unit) for law in laws for state in states)
 
     def with_coefficients(self, coefficients: Sequence[float]) -> dict[str, float]:
         """Parameters by name."""
@@ -113,7 +124,7 @@ def candidates(
             relative, multiples = shapes[term.name, term.parameters[i].name]
             grids.append([scale[relative] * m for m in multiples])
         for point in product(*grids):
-            searched = sum(len(grid) > 1 and value != 0.0 for grid, value in zip(grids, point, strict=True))
+            searched = sum(len(grid) > 1 and value != 0.0 for grid, value in zip(grids, point, strict=True)) - leaves
             values = [0.0] * len(term.parameters)
             for i, value in zip(shaped, point, strict=True):
                 values[i] = value

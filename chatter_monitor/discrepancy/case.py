@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.candidates import Candidate
 from chatter_monitor.discrepancy.ceiling import Surface
+from chatter_monitor.discrepancy.delayed import Echo
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.faults import Clipping, Line, Restlessness
 from chatter_monitor.discrepancy.innovations import Innovations
@@ -127,6 +128,7 @@ class Case:
     local: Local | None = None
     threshold: Threshold | None = None
     drift: Statistic | None = None
+    echo: Echo | None = None
 
     def explained(self) -> Vector:
         """Whitened errors less what is named and the nuisance columns."""

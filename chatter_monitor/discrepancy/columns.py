@@ -68,12 +68,13 @@ def _entries(
     inn: Innovations, tried: Sequence[Candidate], add: Callable[[str, Iterable[Vector]], list[int]]
 ) -> list[tuple[Candidate, list[int]]]:
     """Candidates with the columns of their coefficients; forces that several candidates share are worked out once."""
+    size = basis.scales(inn.motion)
     forces: dict[tuple[float, ...], tuple[Term, tuple[float, ...]]] = {}
     for candidate in tried:
         for i in candidate.linear:
-            forces.setdefault(candidate.acts(i), (candidate.term, candidate.unit(i)))
+            forces.setdefault(candidate.acts(i, size), (candidate.term, candidate.unit(i)))
     at = dict(zip(forces, add("terms", inn.of_terms([*forces.values()])), strict=True))
-    return [(candidate, [at[candidate.acts(i)] for i in candidate.linear]) for candidate in tried]
+    return [(candidate, [at[candidate.acts(i, size)] for i in candidate.linear]) for candidate in tried]
 
 
 def beside(case: Case, inn: Innovations, fitted: Sequence[Vector], first: Candidate) -> Contest:

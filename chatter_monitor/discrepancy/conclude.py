@@ -297,10 +297,13 @@ def _unexplained(case: Case, left: Unnamed, something: bool) -> list[str]:
         strange.append("a force that depends on displacement and velocity like nothing in the catalogue")
     elif left.smooth["memory"] > least:
         strange.append("a force that depends on how the tool moved before like nothing in the catalogue")
+    if left.echo.p_value < MAPPED_P and left.echo.gain_nats > least and not case.tones:
+        case.echo = left.echo
+        strange.append(f"a force that follows {left.echo}")
     lag, angle = case.rest_maps
     if angle.p_value < MAPPED_P:
         strange.append("a stiffness that swings periodically")
-    if lag.p_value < MAPPED_P and not case.tones:
+    if lag.p_value < MAPPED_P and not case.tones and case.echo is None:
         strange.append("innovations that are correlated over a long lag")
     return strange
 

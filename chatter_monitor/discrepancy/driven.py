@@ -175,13 +175,14 @@ def examine_driven(
 
 def _columns(found: Balance, tried: Sequence[Candidate]) -> tuple[list[Vector], list[tuple[Candidate, list[int]]]]:
     """Forces of the candidates; what several share is worked out once."""
+    size = basis.scales(found.motion)
     at: dict[tuple[float, ...], int] = {}
     columns: list[Vector] = []
     entries = []
     for candidate in tried:
         for i in candidate.linear:
-            if candidate.acts(i) not in at:
-                at[candidate.acts(i)] = len(LINEAR) + len(columns)
+            if candidate.acts(i, size) not in at:
+                at[candidate.acts(i, size)] = len(LINEAR) + len(columns)
                 columns.append(found.of_term(candidate.term, candidate.unit(i)))
-        entries.append((candidate, [at[candidate.acts(i)] for i in candidate.linear]))
+        entries.append((candidate, [at[candidate.acts(i, size)] for i in candidate.linear]))
     return columns, entries

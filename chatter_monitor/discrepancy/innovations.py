@@ -15,7 +15,7 @@ from chatter_monitor.discrepancy.side_by_side import each
 from chatter_monitor.discrepancy.whitening import ORDER, trusted, whitened, whitener
 from chatter_monitor.kernels.forces import MOST_PARAMETERS
 from chatter_monitor.kernels.forces_along import Tried, forces_along
-from chatter_monitor.kernels.observer import SMOOTH, SUBSTEPS, Forces, Motion, observe
+from chatter_monitor.kernels.observer import SMOOTH, SUBSTEPS, Forces, Motion, cut_by_the_tooth_before, observe
 from chatter_monitor.kernels.signatures import LANES, response_of, signatures, unseen_of
 from chatter_monitor.physics.parts import AppliedTerm
 from chatter_monitor.physics.terms import Term
@@ -63,6 +63,11 @@ def substeps_of(term: Term) -> int:
     return SMOOTH if term.smooth else SUBSTEPS
 
 
+def chip_of(term: Term, values: Sequence[float]) -> float:
+    """Chip thickness beyond which a term takes the tool for out of the cut; infinite for those that do not ask."""
+    return next((v for p, v in zip(term.parameters, values, strict=True) if p.name == term.chip_thickness), math.inf)
+
+
 class Diverged(ArithmeticError):
     """A model whose prediction runs away from the recording."""
 
@@ -108,7 +113,9 @@ class Innovations:
     ) -> None:
         self.recorded, self.linear, self.terms = recorded, linear, tuple(terms)
         n = recorded.samples.size
-        steady = observer(linear, recorded.rate_hz)
+        steady = observer(linear, recorded.rate_hz)._replace(
+            chip=min((chip_of(applied.term, applied.values) for applied in self.terms), default=math.inf)
+        )
         self.observer = steady if error_sd is None else sized(steady, error_sd)
         self.errors = np.empty(n)
         self.motion = Motion(*(np.zeros((2, n)) for _ in range(3)))
@@ -140,12 +147,26 @@ class Innovations:
         """Forces of terms along the motion, shape (len(terms), 2, n); see `kernels.forces_along`."""
         out = np.empty((len(terms), 2, self.errors.size))
 
-        def some(first: int) -> None:
-            part = slice(first, first + _SIDE_BY_SIDE)
-            forces_along(self.observer, self.motion, self.settled, tried_forces(terms[part]), out[part])
+        def some(which: Sequence[int]) -> None:
+            found = np.empty((len(which), 2, self.errors.size))
+            tried = [terms[i] for i in which]
+            forces_along(self.observer, self._where_cut(*tried[0]), self.settled, tried_forces(tried), found)
+            out[which] = found
 
-        each(some, range(0, len(terms), _SIDE_BY_SIDE))
+        leaving = [i for i, tried in enumerate(terms) if chip_of(*tried) < math.inf]
+        staying = [i for i in range(len(terms)) if i not in leaving]
+        shares = [staying[first : first + _SIDE_BY_SIDE] for first in range(0, len(staying), _SIDE_BY_SIDE)]
+        each(some, [*shares, *([i] for i in leaving)])
         return out
+
+    def _where_cut(self, term: Term, values: Sequence[float]) -> Motion:
+        """The motion, with the surface that the tooth before leaves if the tool leaves the cut by that term."""
+        chip = chip_of(term, values)
+        if chip == self.observer.chip or chip == math.inf:
+            return self.motion
+        lagged = np.empty_like(self.motion.lagged)
+        cut_by_the_tooth_before(self.observer, chip, self.motion, lagged)
+        return self.motion._replace(lagged=lagged)
 
     def respond(
         self, left: Sequence[Matrix] | Matrix, right: Sequence[Matrix | NDArray[np.bool_]] | Matrix | None = None
@@ -175,6 +196,18 @@ class Innovations:
 
         each(some, range(0, len(found), LANES))
         return found
+
+    def impulse_answers(self, length: int) -> Matrix:
+        """Whitened signatures of a force of 1 at a single sample, once it is known and as it was predicted.
+
+        Shape (2, length), from that sample on.
+        """
+        forces = np.zeros((2, 2, length + 2))
+        forces[0, 0, 2] = forces[1, 1, 1] = 1.0
+        found = np.empty((2, length + 2))
+        how = response_of(self.observer, self.taps), unseen_of(self.observer, self.taps)
+        signatures(*how, forces, np.ones((1, 2, length + 2)), 0, np.zeros(length + 2, dtype=bool), found)
+        return found[:, 2:]
 
     def of_terms(self, terms: Sequence[tuple[Term, Sequence[float]]]) -> Matrix:
         """Whitened signatures of terms with their parameters, shape (len(terms), n)."""

@@ -6,6 +6,7 @@ same periodogram by the same likelihood as the base, smooth colour always allowe
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -213,8 +214,9 @@ def _regeneration(spectrum: Periodogram, base: SpectralFit) -> Omission | None:
     period = 1.0 / base.linear.modes[0].frequency_hz
     if nominal < 0.6 * period:
         return None
-    step = min(0.01, 0.1 * period / nominal)
-    shifts = np.arange(-_SPEED_ERROR, _SPEED_ERROR + 1e-9, max(step, _SPEED_ERROR / 12))
+    step = max(min(0.01, 0.1 * period / nominal), _SPEED_ERROR / 12)
+    most = math.floor(_SPEED_ERROR / step + 1e-9)
+    shifts = step * np.arange(-most, most + 1)  # the speed as given is one of them
     fits = [at(float(nominal * (1.0 + shift))) for shift in shifts]  # it travels into the report
     best = min(fits, key=lambda each: each.nll)
     gain = base.nll - best.nll - 2.0

@@ -1,9 +1,9 @@
 """What a force of no name explains beside a model: the test that decides between a name and `unknown`.
 
-Two questions are asked of the errors that a fitted model leaves. Is there a smooth force of any shape: over
+Three questions are asked of the errors that a fitted model leaves. Is there a smooth force of any shape: over
 displacement and velocity, over one of them, a spring and a damper that change with the amplitude or with the energy of
-the last moments? And is the law that was named quite that law, or is its power another, or does it differ between the
-sides?
+the last moments? Does one follow the displacement of a while before? And is the law that was named quite that law, or
+is its power another, or does it differ between the sides?
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from chatter_monitor.discrepancy import basis
 from chatter_monitor.discrepancy.candidates import SHAPES
 from chatter_monitor.discrepancy.case import Case
+from chatter_monitor.discrepancy.delayed import Echo, find_echo
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.name import within
@@ -46,10 +47,13 @@ class Unnamed:
         Logarithm of the Bayes factor of a smooth force over none, nats, by what it depends on.
     variations : dict of (str, str) to float
         By named term and key of `POWERS_AND_SIDES`: gain of a law with that difference, nats.
+    echo : Echo
+        What of it follows the displacement of a while before.
     """
 
     smooth: dict[str, float]
     variations: dict[tuple[str, str], float]
+    echo: Echo
 
 
 def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector], named: Sequence[AppliedTerm] = ()) -> Unnamed:
@@ -82,9 +86,11 @@ def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector], named: 
     first = len(columns)
     columns.extend(signature for applied in named for signature in inn.respond(_varied(inn, applied)))
     evidence = Evidence(inn.white, columns, case.weight, range(len(fitted)), case.evidence.block)
+    explained = np.tensordot(evidence.regress([]).all_coefficients, np.array(fitted), axes=1)
     return Unnamed(
         {name: smooth_nats(evidence, index) for name, index in groups.items()},
         {key: evidence.regress([column]).gain for column, key in enumerate(varied, first)},
+        find_echo(inn, inn.white - explained, case.weight),
     )
 
 

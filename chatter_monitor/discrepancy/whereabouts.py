@@ -35,6 +35,8 @@ def whereabouts(case: Case, findings: Sequence[Finding], strange: Sequence[str])
     lag_s = None
     if delayed and case.base.linear.delay_s is not None:
         lag_s = case.base.linear.delay_s
+    elif case.echo is not None:
+        lag_s = case.echo.lag_s
     elif by_lag.p_value < 1e-3:
         _, lags, correlation = lag_map(case.explained(), case.innovations.used, case.recorded.rate_hz)
         lag_s = float(lags[45 + int(np.argmax(np.abs(correlation[45:])))])

@@ -43,6 +43,7 @@ class Observer(NamedTuple):
     omega: float  # angular frequency of the first mode
     delay: float  # from one tooth to the next, in samples; 0 for none
     turn: float  # spindle angle per sample, rad
+    chip: float = np.inf  # thickness beyond which x - x(t - tau) means that the tool has left the cut
 
 
 class Forces(NamedTuple):
@@ -72,6 +73,29 @@ def delayed(x, now, delay):
     if i < 1 or delay < 1.0:
         return 0.0
     return (1.0 - share) * x[i] + share * x[i - 1]
+
+
+@njit(cache=True, nogil=True)
+def cut_by_the_tooth_before(observer, chip, motion, lagged):
+    """Surface that the tooth before left, along a motion that is known: what `observe` does with `Observer.chip`.
+
+    Where the tool is out of the cut the surface stays as it was.
+
+    Parameters
+    ----------
+    observer : Observer
+    chip : float
+        Mean uncut chip thickness.
+    motion : Motion
+    lagged : ndarray of float64, shape (2, n)
+        Filled, as `motion.lagged` is for a tool that never leaves.
+    """
+    x = motion.x[0]
+    surface = np.zeros(x.size)
+    for k in range(x.size):
+        lagged[0, k] = delayed(surface, k, observer.delay)
+        surface[k] = min(x[k], lagged[0, k] + chip)
+        lagged[1, k] = delayed(surface, k + 1, observer.delay)
 
 
 @njit(**OPTIONS)
@@ -241,6 +265,7 @@ def observe(observer, known, y, missing, settled, errors, motion):
     memory, reached = np.zeros(count), np.zeros(count)
     early = late = 0.0  # known forces predicted for the two ends of the step to this sample
     feels = observer.feed != 0.0
+    surface = np.zeros(y.size)
     x = v = lagged = 0.0
     for k in range(y.size):
         predicted = observer.feed * late
@@ -251,7 +276,7 @@ def observe(observer, known, y, missing, settled, errors, motion):
         angle = observer.turn * k
         # Once the sample is seen the forces on the way to it are known better than they were predicted.
         x_before, v_before, lagged_before = x + observer.back[0] * e, v + observer.back[1] * e, lagged
-        lagged = delayed(motion.x[0], k, observer.delay)
+        lagged = delayed(surface, k, observer.delay)
         x = v = 0.0
         for i in range(order):
             x += observer.tool[0, i] * (state[i] + observer.gain[i] * e)
@@ -280,13 +305,14 @@ def observe(observer, known, y, missing, settled, errors, motion):
         motion.x[0, k] = x
         motion.v[0, k] = v
         motion.lagged[0, k] = lagged
+        surface[k] = min(x, lagged + observer.chip)
         for i in range(order):
             total = 0.0
             for j in range(order):
                 total += observer.transition[i, j] * state[j]
             ahead[i] = total
         # The force on the way to the next sample, from where the tool would go with the force as it was.
-        lagged_next = delayed(motion.x[0], k + 1, observer.delay)
+        lagged_next = delayed(surface, k + 1, observer.delay)
         if not settled[k]:
             late = 0.0
         early = late

@@ -15,7 +15,7 @@ from scipy import signal
 OVERSAMPLING = 16
 EFFECTS = (
     "none", "hardening", "softening", "quadratic", "clearance", "coulomb", "stribeck", "hysteresis", "v|v|", "x2v",
-    "cutting", "delay", "notch", "root", "mathieu", "memory", "one side", "one direction",
+    "cutting", "delay", "notch", "root", "mathieu", "memory", "one side", "one direction", "far delay",
 )  # fmt: skip
 
 
@@ -75,6 +75,8 @@ def _force(effect, c, x, v, lagged, z, w, t):
         return c * np.sign(v) if x > 0.0 else 0.0
     if effect == 17:  # damping in one direction
         return c * w * max(v, 0.0)
+    if effect == 18:  # a delay at large displacements
+        return c * w * w * lagged if abs(x) > 1.3 else 0.0
     raise ValueError
 
 

@@ -200,15 +200,15 @@ class Watch:
     def _adopt(self, epoch: _Epoch, result: Refit) -> None:
         """Let the epoch run through the new observer."""
         base = result.base
-        sd_x, sd_v = scales(base.motion)
+        size = scales(base.motion)
         present = [applied.term.name for applied in base.terms]
-        tried = candidates(sd_x, sd_v, base.linear.spindle, present, shapes=COARSE)
+        tried = candidates(*size, base.linear.spindle, present, shapes=COARSE)
         units: dict[tuple[float, ...], tuple[Candidate, int]] = {}
         for candidate in tried:
             for i in candidate.linear:
-                units.setdefault(candidate.acts(i), (candidate, i))
+                units.setdefault(candidate.acts(i, size), (candidate, i))
         at = {acts: number for number, acts in enumerate(units)}
-        entries = [(c, [at[c.acts(i)] for i in c.linear]) for c in tried]
+        entries = [(c, [at[c.acts(i, size)] for i in c.linear]) for c in tried]
         stream, samples = Stream(base, [*units.values()]), self._block * CHUNK
         shapes = of_another_mode(base.linear, self._rate_hz, FINE_BANDS)
         blocks = Blocks(self._windows[-1], 1 + stream.linear + len(units), stream.linear, samples, shapes)
