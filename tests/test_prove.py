@@ -126,6 +126,18 @@ def test_what_is_counted():
     assert [strength_bin(s) for s in (None, 0.01, 0.02, 0.07)] == ["-", "0-2 %", "2-5 %", "over 5 %"]
 
 
+def test_what_another_law_does_as_well_is_counted_apart():
+    """The bound of all that is told of a force, times the share that no other law has, says whether it can be told."""
+    everything = information_nats(truth(), 20.0)
+    near = judge("1", {**OUTSIDE, "beyond_nearest": 5.0 / everything}, named("coulomb_friction"))
+    apart = judge("2", {**OUTSIDE, "beyond_nearest": 1.0}, report("unknown"))
+    assert near.beyond_nats == pytest.approx(5.0)
+    assert judge("3", truth(), named("cubic_stiffness")).beyond_nats is None
+    rates = count([near, apart]).rates
+    assert rates["outside the catalogue answered unknown"].of == 2
+    assert rates["of those, unknown where the nearest law is 10 nats away"].of == 1
+
+
 def test_uniformity_of_p_values_is_tested():
     """p-values of linear cases that are not uniform show as such, map by map."""
     judged = [

@@ -17,6 +17,7 @@ from chatter_monitor.discrepancy.prove.blind.concealment import concealment
 from chatter_monitor.discrepancy.prove.blind.effects import COUNTS, DECK
 from chatter_monitor.discrepancy.prove.blind.machine import Escaped, Machine, move, with_strength
 from chatter_monitor.discrepancy.prove.blind.motion import FINITE, Hidden, coarser, march, noise_factor, transition
+from chatter_monitor.discrepancy.prove.blind.nearest import beyond_nearest
 from chatter_monitor.physics.model_file import read_model
 
 W, ZETA = 2 * np.pi * 400.0, 0.02
@@ -252,3 +253,21 @@ def test_the_generator_stands_alone():
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=200, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("law", "force", "share"),
+    [
+        (laws.STRIBECK, lambda _x, v: np.sign(v) * (1.0 + 1.3 * np.exp(-((v / 0.35) ** 2))), 0.08),  # dry friction
+        (laws.DRY, lambda _x, v: np.sign(v), 0.547),  # drag; not Stribeck friction, which it is
+        (laws.GAP, lambda x, _v: x - np.clip(x, -1.0, 1.0), 0.21),  # a cubic spring
+        (laws.ROOT, lambda _x, v: np.sign(v) * np.sqrt(np.abs(v)), 0.02),  # Stribeck or dry friction
+        (laws.RECTIFIED, lambda _x, v: np.maximum(v, 0.0), 0.125),  # a cutting force
+        (laws.INERTIA, lambda x, v: x * v * v, 1.0),  # none
+    ],
+)
+def test_how_much_of_a_force_is_beyond_the_nearest_other_law(law, force, share):
+    """Over a Gaussian motion, in any unit."""
+    x, v = np.random.default_rng(4).standard_normal((2, 400_000))
+    found = beyond_nearest(hidden(law, 1.0), 3.0 * x, 50.0 * v, 7.0 * force(x, v))
+    assert found == pytest.approx(share, abs=0.015)

@@ -10,9 +10,10 @@ from chatter_monitor.discrepancy.basis import scales, surface_at
 from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.local import swing
 from chatter_monitor.discrepancy.locate import lag_map
+from chatter_monitor.discrepancy.name import HELD_OUT_P
 from chatter_monitor.discrepancy.report import Finding, Located
 
-MAPPED_P = 1e-5  # of a map that nothing explains
+MAPPED_P = HELD_OUT_P  # of a map that nothing explains: as surely as a name
 
 
 def whereabouts(case: Case, findings: Sequence[Finding], strange: Sequence[str]) -> Located:

@@ -56,6 +56,8 @@ class Judged(msgspec.Struct, frozen=True):
         Held-out gain.
     bound_nats : float, optional
         Most that the true model can gain on the held-out half (`information_nats`).
+    beyond_nats : float, optional
+        Most that the whole recording can tell of it from the nearest other law of the catalogue.
     true_gain_nats : float, optional
         What the true model gains there on the same recording, band and blocks.
     p_values : dict of str to float
@@ -86,6 +88,7 @@ class Judged(msgspec.Struct, frozen=True):
     overlap: float | None = None
     gain_nats: float | None = None
     bound_nats: float | None = None
+    beyond_nats: float | None = None
     true_gain_nats: float | None = None
     p_values: dict[str, float] = {}
     residual_white_p: float | None = None
@@ -157,6 +160,12 @@ def information_nats(truth: Mapping[str, Any], seconds: float) -> float | None:
     return float(amplitude**2 * w * seconds / (8.0 * truth["damping_ratio"]))
 
 
+def _beyond_nats(truth: Mapping[str, Any]) -> float | None:
+    """`information_nats` of the share that no other law of the catalogue could stand for."""
+    everything, share = information_nats(truth, truth["seconds"]), truth.get("beyond_nearest")
+    return None if everything is None or share is None else everything * share
+
+
 def judge(case: str, truth: Mapping[str, Any], report: Report | None, true_gain_nats: float | None = None) -> Judged:
     """Judge one answer; `report` is None where the diagnosis failed, the true model's gain where there is none."""
     expected = " + ".join(truth["names"]) or truth["verdict"]
@@ -171,6 +180,7 @@ def judge(case: str, truth: Mapping[str, Any], report: Report | None, true_gain_
         "concealed": truth["concealed"],
         **{name: truth["concealment"][name] for name in ("distance", "band95", "normality_p")},
         "bound_nats": information_nats(truth, 0.5 * truth["seconds"]),
+        "beyond_nats": _beyond_nats(truth),
         "true_gain_nats": true_gain_nats,
     }
     if report is None:
@@ -250,6 +260,9 @@ def count(judged: Sequence[Judged]) -> Score:
         "effects named, visible cases": _rate(j.outcome == "right" for j in hidden if not j.concealed),
         "effects named where 10 nats or more could be gained": _rate(j.outcome == "right" for j in telling),
         "effects named where the true model gains 10 nats": _rate(j.outcome == "right" for j in tellable),
+        "of those, named where the nearest other law is 10 nats away": _rate(
+            j.outcome == "right" for j in tellable if _apart(j)
+        ),
         "effects named wrongly": _rate(j.outcome == "wrong" for j in hidden),
         "effects answered unknown": _rate(j.outcome == "abstained" for j in hidden),
         "effects missed": _rate(j.outcome == "missed" for j in hidden),
@@ -257,6 +270,9 @@ def count(judged: Sequence[Judged]) -> Score:
         "none and parameters with a finding": _rate(j.outcome in found and j.answer not in _LINEAR for j in linear),
         "none and parameters answered right": _rate(j.outcome == "right" for j in linear),
         "outside the catalogue answered unknown": _rate(j.outcome == "right" for j in outside),
+        "of those, unknown where the nearest law is 10 nats away": _rate(
+            j.outcome == "right" for j in outside if _apart(j)
+        ),
         "outside the catalogue named wrongly": _rate(j.outcome == "wrong" for j in outside),
         "faults named": _rate(j.outcome == "right" for j in faults),
         "faults named as another thing": _rate(j.outcome == "wrong" for j in faults),
@@ -289,6 +305,11 @@ def count(judged: Sequence[Judged]) -> Score:
 
 
 _LINEAR = ("none", "parameters")
+
+
+def _apart(judged: Judged) -> bool:
+    """Whether the recording tells it from the nearest other law, if an engine misses nothing."""
+    return (judged.beyond_nats or 0.0) >= TELLING_NATS
 
 
 def _rate(hits: Iterable[bool | None]) -> Rate:

@@ -15,6 +15,7 @@ from chatter_monitor.discrepancy.prove.blind.concealment import concealment
 from chatter_monitor.discrepancy.prove.blind.effects import COUNTS, DECK, Effect
 from chatter_monitor.discrepancy.prove.blind.machine import Escaped, Machine, Motion, move, with_strength
 from chatter_monitor.discrepancy.prove.blind.motion import Hidden
+from chatter_monitor.discrepancy.prove.blind.nearest import beyond_nearest
 
 Array = NDArray[np.float64]
 
@@ -117,6 +118,7 @@ def make_case(effect: Effect, seed: int, number: int) -> Case:
         "parameters": effect.parameters(hidden.p) if effect.parameters else {},
         "strength": motion.strength or None,
         "strength_drawn": wanted if effect.law else None,
+        "beyond_nearest": _beyond_nearest(effect, hidden, motion),
         "time_s": [[hidden.from_s, hidden.until_s]] if math.isfinite(hidden.from_s) else [],
         "amplitude_above": hidden.above or None,
         "amplitude": hidden.p.tolist(),
@@ -137,6 +139,14 @@ def make_case(effect: Effect, seed: int, number: int) -> Case:
         },
     }
     return Case(samples, integers, _model_text(chain, noise_rms, base, spindle), truth)
+
+
+def _beyond_nearest(effect: Effect, hidden: Hidden, motion: Motion) -> float | None:
+    """Share of the force that no other law of the catalogue could stand for; None where there is none all along."""
+    if effect.family not in ("catalogue", "outside"):
+        return None
+    every = slice(None, None, motion.oversampling)
+    return beyond_nearest(hidden, motion.x[every], motion.v[every], motion.force)
 
 
 def _bearable(

@@ -67,10 +67,11 @@ class Machine:
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion at the fine rate; the hidden force and the mask of where it acts at the samples of the recording."""
+    """A motion at the fine rate, and the hidden force at the samples of the recording."""
 
     x: Array
     v: Array
+    force: Array
     oversampling: int
     strength: float
     rms_x: float
@@ -112,7 +113,7 @@ def move(machine: Machine, hidden: Hidden, seconds: float, seed: list[int], over
         x2, v2 = np.zeros(n), np.zeros(n)
         march(other, modes[1][1], step_s, increments[:, 2:].copy(), drive, start_s, x2, v2, np.zeros(n))
         x, v = x + machine.second[2] * x2[settling:], v + machine.second[2] * v2[settling:]
-    return Motion(x, v, oversampling, own, rms_x, rms_v)
+    return Motion(x, v, force[::oversampling], oversampling, own, rms_x, rms_v)
 
 
 def _force(
