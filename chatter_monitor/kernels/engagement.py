@@ -4,7 +4,9 @@ The mean logarithm of the power of all bins minds no line, however strong: it is
 or that of the room. When the tool leaves the cut it falls at once, and the whole becomes quieter; as long as both stay
 so, nothing is being cut. What it falls to next time is learned anew, for a room changes. As long as nothing has fallen
 the tool is taken to be in the cut: who does not know misses nothing. When the room itself gets louder it is taken to be
-in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters.
+in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters. So is what
+begins where nothing but noise was heard, no line and nothing that turns, if it lifts the noise at once as well: a
+vibration that grows by itself comes before the noise that it makes.
 """
 
 import math
@@ -20,8 +22,10 @@ DECIBEL = math.log(10.0) / 10.0
 FALL = 8.0 * DECIBEL
 # How near to the level of the air it is air, and how quickly that is followed, in a frame.
 NEAR, FOLLOWING = 4.0 * DECIBEL, 0.02
-# Frames that a fall may take, and frames before it that it is measured from.
+# Frames that a fall may take, and frames before it that it is measured from; half of them do at the start.
 FALLING, BEFORE = 4, 16
+# Nothing but noise is heard as long as no line stands out by so much: the highest of 250 bins of noise does by 6 dB.
+NOISE = 7.0 * DECIBEL
 # The tool has entered when the level has not risen by so much in so many frames; it takes a second at most.
 STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 
@@ -36,13 +40,15 @@ def new_air():
 
 
 @njit(**OPTIONS)
-def engaged(levels, powers, head, air, scratch):
+def engaged(levels, powers, crests, head, air, scratch):
     """Whether the tool is in the cut and has been for a moment.
 
     Parameters
     ----------
     levels, powers : ndarray, shape (frames,)
         Rings: mean over the bins of the logarithm of their power, and logarithm of the whole power, in each frame.
+    crests : ndarray, shape (frames,)
+        Ring: how far the line that stands out most does, infinite where something turns.
     head : int
         Column after the newest, counted from the start without wrapping.
     air : ndarray of float64, shape (5,)
@@ -56,7 +62,7 @@ def engaged(levels, powers, head, air, scratch):
     out = level <= air[LEVEL] + NEAR and power <= air[LIMIT]
     if out:
         air[LEVEL] += (level - air[LEVEL]) * (1.0 if level < air[LEVEL] else FOLLOWING)
-    elif head >= FALLING + BEFORE:
+    elif head >= FALLING + BEFORE // 2:
         last, then = (head - 2) % columns, (head - 1 - FALLING) % columns
         level_before, power_before = _before(levels, head, scratch), _before(powers, head, scratch)
         if max(level, levels[last]) <= level_before - FALL:
@@ -64,6 +70,8 @@ def engaged(levels, powers, head, air, scratch):
             air[LEVEL], air[LIMIT], air[CUT] = level, max(power_before - FALL, power + NEAR), power_before
         elif air[ENTERED] >= LONGEST and power_before <= air[CUT] - FALL:
             out = min(level - levels[then], power - powers[then]) >= FALL
+        elif air[ENTERED] >= LONGEST and _before(crests, head, scratch) < NOISE:
+            out = level - levels[then] >= NEAR and power - powers[then] >= FALL
     if out:
         air[ENTERED] = air[SINCE] = 0.0
         return False
@@ -79,6 +87,7 @@ def engaged(levels, powers, head, air, scratch):
 @njit(**OPTIONS)
 def _before(values, head, scratch):
     """Median of the frames before a fall."""
-    for i in range(BEFORE):
+    count = min(BEFORE, head - FALLING)
+    for i in range(count):
         scratch[i] = values[(head - 1 - FALLING - i) % values.shape[0]]
-    return median(scratch[:BEFORE])
+    return median(scratch[:count])

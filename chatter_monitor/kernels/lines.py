@@ -42,8 +42,8 @@ SILENCE = 5.8
 BIN, SHARE, PROMINENCE, VARIATION, GROWTH, RISE, LONG_RISE, ABSOLUTE_RISE, COHERENCE, NEWS = range(10)
 MEASURES = 10
 
-# Indices of `LineState.counts`: hops taken, frames looked at
-TAKEN, FRAMES = range(2)
+# Indices of `LineState.counts`: hops taken, frames looked at, and those of them that the signal has been alike for
+TAKEN, FRAMES, ALIKE = range(3)
 
 
 class LineState(NamedTuple):
@@ -63,13 +63,14 @@ class LineState(NamedTuple):
         Rings of prominences (`stand_out`) and of logarithms of the power, a column for each frame.
     relief : ndarray of float64, shape (bins,)
         The newest prominences.
-    levels, totals : ndarray of float64, shape (frames,)
-        Mean over the bins of the logarithm of the power in each frame, and logarithm of the whole power.
+    levels, totals, crests : ndarray of float64, shape (frames,)
+        Mean over the bins of the logarithm of the power in each frame, logarithm of the whole power, and prominence of
+        the most prominent line, infinite where something turned.
     cutting : ndarray of bool, shape (frames,)
         Whether the tool was in the cut in each frame.
     air : ndarray of float64, shape (5,)
         What is known of the air (`kernels.engagement`).
-    counts : ndarray of int64, shape (2,)
+    counts : ndarray of int64, shape (3,)
     sums : ndarray of float64, shape (bins + 1,)
     scratch : ndarray of float64, shape (max(hops, frames),)
         Work space like the one before.
@@ -84,6 +85,7 @@ class LineState(NamedTuple):
     relief: np.ndarray
     levels: np.ndarray
     totals: np.ndarray
+    crests: np.ndarray
     cutting: np.ndarray
     air: np.ndarray
     counts: np.ndarray
@@ -104,9 +106,10 @@ def new_state(points: int, hops: int, frames: int) -> LineState:
         relief=np.zeros(bins),
         levels=np.zeros(frames),
         totals=np.zeros(frames),
+        crests=np.zeros(frames),
         cutting=np.zeros(frames, np.bool_),
         air=new_air(),
-        counts=np.zeros(2, np.int64),
+        counts=np.zeros(3, np.int64),
         sums=np.zeros(bins + 1),
         scratch=np.zeros(max(hops, frames)),
     )
@@ -134,7 +137,7 @@ def cut_out(samples, window, first, hop, largest, pieces, valid):
 
 
 @njit(**OPTIONS)
-def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
+def follow(transforms, valid, start, hop, lowest, turns, state, peaks, measures):
     """Take in the transforms of a frame, find its most prominent lines and describe each.
 
     Parameters
@@ -147,6 +150,8 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
         Index of the first one's first sample, and samples from one to the next.
     lowest : int
         First bin that counts as vibration.
+    turns : bool
+        Whether something that turns has been taken out.
     state : LineState
         Changed in place.
     peaks : ndarray of int64, shape (lines,)
@@ -166,6 +171,7 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
     frames = reliefs.shape[1]
     column = counts[FRAMES] % frames
     counts[FRAMES] += 1
+    counts[ALIKE] += 1
     stand_out(power, lowest, state.sums, relief)
     bins = power.shape[0]
     state.levels[column] = (state.sums[bins] - state.sums[lowest]) / (bins - lowest)
@@ -173,12 +179,14 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
     for b in range(lowest, bins):
         total += power[b]
     state.totals[column] = math.log(total + TINY)
-    state.cutting[column] = engaged(state.levels, state.totals, counts[FRAMES], state.air, state.scratch)
+    count = most_prominent(relief, lowest, peaks)
+    state.crests[column] = math.inf if turns or count == 0 else relief[peaks[0]]
+    state.cutting[column] = engaged(state.levels, state.totals, state.crests, counts[FRAMES], state.air, state.scratch)
     for b in range(relief.shape[0]):
         reliefs[b, column] = relief[b]
         state.powers[b, column] = state.sums[b + 1] - state.sums[b]
-    count = most_prominent(relief, lowest, peaks)
-    recent = state.valid.shape[0] // FRAME_HOPS
+    known = min(frames, counts[ALIKE])
+    recent = min(state.valid.shape[0] // FRAME_HOPS, known)
     since = state.air[SINCE]
     for i in range(count):
         b, out = peaks[i], measures[i]
@@ -186,11 +194,11 @@ def follow(transforms, valid, start, hop, lowest, state, peaks, measures):
         out[BIN] = b + beat(spectra[b], state.valid, counts[TAKEN], state.turns.shape[0] / hop, crest(power, b))
         out[PROMINENCE] = relief[b]
         out[RISE] = rise(reliefs, state.levels, state.cutting, since, counts[FRAMES], recent, b, state.scratch)
-        out[LONG_RISE] = rise(reliefs, state.levels, state.cutting, since, counts[FRAMES], frames, b, state.scratch)
+        out[LONG_RISE] = rise(reliefs, state.levels, state.cutting, since, counts[FRAMES], known, b, state.scratch)
         out[ABSOLUTE_RISE] = rise(
-            state.powers, state.levels, state.cutting, since, counts[FRAMES], frames, b, state.scratch
+            state.powers, state.levels, state.cutting, since, counts[FRAMES], known, b, state.scratch
         )
-        out[NEWS] = news(reliefs, state.cutting, since, counts[FRAMES], b, state.scratch)
+        out[NEWS] = news(reliefs, state.cutting, since, counts[FRAMES], known, b, state.scratch)
     return count
 
 
@@ -407,16 +415,16 @@ def rise(heights, levels, cutting, since, head, frames, b, scratch):
 
 
 @njit(**OPTIONS)
-def news(heights, cutting, since, head, b, scratch):
+def news(heights, cutting, since, head, frames, b, scratch):
     """Half the prominence of a bin less what it was before this cut: its median in cuts before, and in the last air.
 
     Zero while the tool is not in the cut, and where not enough of both has been heard. Parameters as of `rise`.
     """
     columns = heights.shape[1]
     newest = _before(head % columns, columns)
-    if not cutting[newest] or since >= columns:
+    known = min(frames, head, columns)
+    if not cutting[newest] or since >= known:
         return 0.0
-    known = min(head, columns)
     usual = -math.inf
     for cut in (False, True):
         count = 0

@@ -122,10 +122,15 @@ class Channel:
         # One stage after the other over all frames of a block, so that each finds its code and data in the cache.
         odps = list(frames)
         orders = [self._waiting.popleft() for _ in odps]
-        lines = [(tuple(self._spectrum.take(odp.signal)), self._spectrum.cutting) for odp in odps]
+        lines = [self._lines_of(odp, turned) for odp, turned in zip(odps, orders, strict=True)]
         margins = [self._margin_of(odp, turned) for odp, turned in zip(odps, orders, strict=True)]
         for odp, turned, (found, cutting), margin in zip(odps, orders, lines, margins, strict=True):
             yield Observation(odp, turned, found, cutting, margin)
+
+    def _lines_of(self, frame: OdpFrame, orders: Orders) -> tuple[tuple[Line, ...], bool]:
+        """Lines of a frame, and whether the tool is in the cut."""
+        found = self._spectrum.take(frame.signal, alike=not orders.returned, turns=orders.heard)
+        return tuple(found), self._spectrum.cutting
 
     def _margin_of(self, frame: OdpFrame, orders: Orders) -> Margin:
         """Margin at the end of a frame; the delay is known only with the spindle, not with any comb."""

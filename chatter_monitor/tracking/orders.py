@@ -25,6 +25,11 @@ Source = Literal["given", "refined", "found"]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 
 SHOWN_LINES = 8  # of each comb
+# Something that turns is heard when it has this share of the power.
+HEARD_SHARE = 0.02
+# What has come back into the signal matters when this share of the power is not taken out any more: of what is less
+# nothing comes that takes the power.
+RETURNED_SHARE = 0.1
 # Relative standard deviation of a nominal speed: real ones are 1 to 3 % off.
 NOMINAL_SD = 0.015
 # A speed that was heard stays known when it is heard no more, because the spindle goes on turning; its relative
@@ -89,6 +94,8 @@ class Orders(NamedTuple):
         Fundamental of another comb beside the spindle's.
     other_lines : tuple of OrderLine
         What was taken out at that comb's orders.
+    returned : bool
+        Whether a comb is not taken out any more that was in the frame before: its lines are in the signal again.
     """
 
     first_sample: int
@@ -99,6 +106,12 @@ class Orders(NamedTuple):
     lines: tuple[OrderLine, ...] = ()
     other_hz: float | None = None
     other_lines: tuple[OrderLine, ...] = ()
+    returned: bool = False
+
+    @property
+    def heard(self) -> bool:
+        """Whether something turns that can be heard."""
+        return self.synchronous_share > HEARD_SHARE
 
 
 class OrderTracker:
@@ -139,6 +152,7 @@ class OrderTracker:
         self._filled = 0
         self._undigested = False  # whether the signals are those of a whole frame that has ended
         self._next_sample = 0
+        self._taken = (0, 0.0)  # combs taken out of the last frame, and their share of its power
         self._heard: tuple[float, float, int] | None = None  # speed and its deviation (Hz), and the sample then
 
     def set_spindle(self, spindle: SpindleSettings) -> None:
@@ -220,6 +234,9 @@ class OrderTracker:
         """Describe the frame that has come in so far."""
         first_sample = self._next_sample - self._filled
         share = share_taken(self._signals[0, : self._filled], self._signals[-1, : self._filled])
+        before, share_before = self._taken
+        self._taken = sum(follower.harmonics is not None for follower in self._followers), share
+        returned = self._taken[0] < before and share_before - share >= RETURNED_SHARE
         combs = [(follower.harmonics, _lines(follower.harmonics)) for follower in self._followers]
         rpm = self._spindle.speed_rpm
         if rpm is None:  # nobody knows which is the spindle's
@@ -234,7 +251,7 @@ class OrderTracker:
                 self._heard = (spindle.rotation_hz, spindle.rotation_sd_hz, first_sample)
         else:
             hertz, sd_hz, source = self._from_memory(first_sample)
-        return Orders(first_sample, hertz, sd_hz, source, share, lines, other_hz, other_lines)
+        return Orders(first_sample, hertz, sd_hz, source, share, lines, other_hz, other_lines, returned)
 
     def _from_memory(self, sample: int) -> tuple[float | None, float | None, Source | None]:
         """Speed, standard deviation and source while the spindle is not heard."""

@@ -117,8 +117,21 @@ class Spectrum:
         """Whether the tool is in the cut, as far as is known (`kernels.engagement`)."""
         return bool(self._state.air[ENTERED] >= LONGEST)
 
-    def take(self, signal: NDArray[np.float64]) -> list[Line]:
-        """Take the samples of the next frame (NaN where they are missing); returns its lines, most prominent first."""
+    def take(self, signal: NDArray[np.float64], *, alike: bool = True, turns: bool = False) -> list[Line]:
+        """Take the samples of the next frame and return its lines, most prominent first.
+
+        Parameters
+        ----------
+        signal : ndarray of float64, shape (n,)
+            NaN where samples are missing.
+        alike : bool
+            Whether it is the signal that it was: not if what had been taken out of it is in it again. Then nothing has
+            risen out of what was before.
+        turns : bool
+            Whether something that turns has been taken out of it.
+        """
+        if not alike:
+            self._state.counts[lines.ALIKE] = 0
         width = len(self._window)
         self._samples[:width] = self._samples[self._end - width : self._end]
         self._end = width + len(signal)
@@ -131,7 +144,7 @@ class Spectrum:
         start = self._taken + first
         self._taken += len(signal)
         count = lines.follow(
-            transforms, valid, start, self._hop, self._lowest, self._state, self._peaks, self._measures
+            transforms, valid, start, self._hop, self._lowest, turns, self._state, self._peaks, self._measures
         )
         found = self._measures[:count]  # which the kernel counts in bins and hops
         found[:, lines.BIN] *= self._bin_hz

@@ -29,9 +29,6 @@ FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
 # Multiples that count as overtones, and how near to one a line has to be.
 OVERTONES, OVERTONE_HZ = 5, 8.0
 
-# A spindle is heard when it has this share of the power.
-HEARD_SHARE = 0.02
-
 # Vibrations that there is room for at first.
 ROOM = 64
 
@@ -139,7 +136,7 @@ def forced_share(synchronous: float, vibrations: Iterable[Followed]) -> float:
 def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
     """Prominent lines of an interval as the kernel takes them, shape (vibrations,)."""
     own = [v.line.share * left(v.line, evidence) for v in evidence.vibrations]
-    heard = evidence.orders.source == "refined" and evidence.orders.synchronous_share > HEARD_SHARE
+    heard = evidence.orders.source == "refined" and evidence.orders.heard
     rows = []
     for v, dominance in zip(evidence.vibrations, own, strict=True):
         at_its_place = order_odds(v, evidence.orders, odds)

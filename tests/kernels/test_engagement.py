@@ -10,30 +10,32 @@ from chatter_monitor.kernels.engagement import DECIBEL
 
 CUT, AIR = -20.0, -40.0  # dB
 LOUD = 10.0  # how much more the whole power of a cut is than its level
+STANDS_OUT, NOISE = 20.0, 6.0  # how far the most prominent line stands out of a cut, and of noise
 
 
 def told(*stretches, columns=160, seed=1):
-    """Whether the tool is in the cut, frame by frame, for stretches of (frames, level, power) in dB."""
+    """Whether the tool is in the cut, frame by frame, for stretches of (frames, level, power, crest) in dB."""
     rng = np.random.default_rng(seed)
-    levels, powers, cutting = np.zeros(columns), np.zeros(columns), np.zeros(columns, bool)
+    (levels, powers, crests), cutting = np.zeros((3, columns)), np.zeros(columns, bool)
     air, result = engagement.new_air(), []
-    for frames, level, power in stretches:
+    for frames, level, power, crest in stretches:
         for _ in range(frames):
             column = len(result) % columns
             levels[column] = DECIBEL * (level + 0.3 * rng.standard_normal())
             powers[column] = DECIBEL * (power + 0.3 * rng.standard_normal())
+            crests[column] = DECIBEL * crest
             head = len(result) + 1
-            cutting[column] = engagement.engaged(levels, powers, head, air, np.zeros(columns))
+            cutting[column] = engagement.engaged(levels, powers, crests, head, air, np.zeros(columns))
             result.append(bool(cutting[column]))
     return result
 
 
 def cut(frames, level=CUT):
-    return frames, level, level + LOUD
+    return frames, level, level + LOUD, STANDS_OUT
 
 
-def room(frames, level=AIR, tone=-100.0):
-    return frames, level, max(level, tone)
+def room(frames, level=AIR, tone=-100.0, crest=STANDS_OUT):
+    return frames, level, max(level, tone), crest
 
 
 def test_the_tool_is_in_the_cut_until_something_falls():
@@ -100,3 +102,21 @@ def test_what_begins_at_once_where_all_was_faint_is_a_tool_that_enters():
     after = told(cut(60), room(60), room(60, AIR + 8.0), cut(60))[180:]
     assert not any(after[:3])
     assert all(after[9:])
+
+
+@pytest.mark.parametrize("heard", [9, 60])
+@pytest.mark.parametrize("rise", [6.0, 20.0])
+def test_what_begins_at_once_where_nothing_but_noise_was_heard_is_a_tool_that_enters(rise, heard):
+    """Before its first cut, too: there is nothing to have risen from but the room, after half a second of it."""
+    after = told(room(heard + 4, crest=NOISE), cut(60, AIR + rise))[heard + 4 :]
+    assert not any(after[:3])
+    assert all(after[9:])
+
+
+def test_a_line_that_rises_out_of_noise_is_no_tool_that_enters():
+    """A vibration that grows comes before the noise that it makes; where lines stood out, something was being cut."""
+    lone = room(60, tone=AIR + 30.0)
+    assert all(told(room(60, crest=NOISE), lone))
+    growing = [(1, AIR + max(0.0, loud - 25.0), AIR + loud, loud) for loud in np.arange(0.0, 45.0, 2.0)]
+    assert all(told(room(60, crest=NOISE), *growing))
+    assert all(told(room(60), cut(60)))

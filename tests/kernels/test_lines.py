@@ -131,11 +131,11 @@ def test_news_is_that_of_the_twin(head, since):
     for index, relief in enumerate(history):
         kept[:, index % rows], cutting[index % rows] = relief, in_the_cut[index]
     expected = naive.news(history[-rows:], in_the_cut[-rows:], since, b, lines.HEARD)
-    assert lines.news(kept, cutting, float(since), head, b, np.zeros(rows)) == pytest.approx(expected)
+    assert lines.news(kept, cutting, float(since), head, rows, b, np.zeros(rows)) == pytest.approx(expected)
     in_the_air = cutting.copy()
     in_the_air[(head - 1) % rows] = False
-    assert lines.news(kept, in_the_air, float(since), head, b, np.zeros(rows)) == 0.0
-    assert lines.news(kept, cutting, np.inf, head, b, np.zeros(rows)) == 0.0
+    assert lines.news(kept, in_the_air, float(since), head, rows, b, np.zeros(rows)) == 0.0
+    assert lines.news(kept, cutting, np.inf, head, rows, b, np.zeros(rows)) == 0.0
 
 
 def test_nothing_rises_out_of_the_cut():

@@ -104,6 +104,16 @@ def test_a_new_speed_is_gone_by():
     assert power(residual, 3) < 0.03
 
 
+def test_it_tells_when_what_turns_is_in_the_signal_again():
+    """Where a comb is not taken out any more that was, because the spindle leaves its range, and only there."""
+    speeds_hz = TURNS_HZ * (1.0 + 0.01 * np.clip(np.arange(at(7)) / RATE_HZ - 3.0, 0.0, None))
+    _, frames = take_out(comb(7, speeds_hz, MILLING) + noise(7), GIVEN)
+    shares = [frame.synchronous_share for frame in frames]
+    falls = [after < 0.1 < 0.9 < before for before, after in pairwise(shares)]
+    assert any(falls)
+    assert [frame.returned for frame in frames] == [False, *falls]
+
+
 @pytest.mark.parametrize("off", [0.3, 0.1, 0.05])
 def test_a_vibration_beside_an_order_stays(off):
     """A vibration that starts 0.05 orders beside an order or farther keeps 80 % of its amplitude from the start on."""

@@ -106,6 +106,39 @@ def test_a_line_that_appears_rises_and_a_louder_cut_does_not():
     assert abs(together.long_rise) < 0.7
 
 
+@pytest.mark.parametrize("alike", [True, False])
+def test_what_comes_back_into_the_signal_has_not_risen(alike):
+    """A tone that had been taken out rises when it is not any more, unless that is told; what grows then has risen."""
+    t = times(4.0)
+    amplitude = np.where(t < 2.0, 0.0, np.where(t < 3.0, 1.0, 10.0))
+    signal = amplitude * np.sin(2 * np.pi * 900 * t) + noise(len(t), 0.03)
+    spectrum, seen = Spectrum(RATE_HZ, INTERVAL), []
+    for first in range(0, len(t), INTERVAL):
+        seen += spectrum.take(
+            signal[first : first + INTERVAL], alike=alike or first != 40 * INTERVAL, turns=first < 40 * INTERVAL
+        )[:1]
+    if alike:
+        assert min(min(line.long_rise, line.absolute_rise) for line in seen[44:60]) > 2.0
+    else:
+        assert max(max(line.rise, line.long_rise, line.absolute_rise) for line in seen[40:60]) < 0.5
+        assert seen[70].absolute_rise == pytest.approx(math.log(10.0), abs=0.2)
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_the_first_entry_out_of_noise_is_heard_unless_something_turned(turns):
+    """A cut begins after a second of white noise: the tool enters, unless a cut was on whose orders are taken out."""
+    t = times(3.0)
+    cut = (t > 1.5) * (vibration(len(t), [(900.0, 0.02)]) + noise(len(t), 0.3, seed=2))
+    signal = noise(len(t), 0.03) + cut
+    spectrum, cutting = Spectrum(RATE_HZ, INTERVAL), []
+    for first in range(0, len(t), INTERVAL):
+        spectrum.take(signal[first : first + INTERVAL], turns=turns)
+        cutting.append(spectrum.cutting)
+    assert all(cutting[:30])
+    assert all(cutting[30:34]) == turns
+    assert all(cutting[40:])
+
+
 def test_lines_come_most_prominent_first():
     """Of two tones the stronger one is first, and they are told apart."""
     t = times(1.0)
