@@ -138,13 +138,13 @@ class CombFollower:
         return False
 
     def _check(self, harmonics: Harmonics) -> None:
-        """Give up a comb that has not been one for too long."""
+        """Give up a comb that has not been one for too long; where the speed changes, it stays one."""
         if self._frames % CHECK_FRAMES == 0:
             if self._target.stands(harmonics.clear(), harmonics.rotation_hz):
                 self._doubtful_frames = 0
             else:
                 self._doubtful_frames += CHECK_FRAMES
-        if self._doubtful_frames > self._patience or not self._target.admits(harmonics.rotation_hz):
+        if self._doubtful_frames > self._patience:
             self.harmonics = None
 
     def _lines(self, past: NDArray[np.float64]) -> Lines:
