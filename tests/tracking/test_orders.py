@@ -105,7 +105,7 @@ def test_a_new_speed_is_gone_by():
 
 
 def test_a_comb_that_is_heard_is_followed_out_of_the_range_of_its_speed():
-    """A spindle that slows down by a sixth in ten seconds goes on being taken out, though its speed was told otherwise."""
+    """A spindle that slows down by a sixth in ten seconds goes on being taken out, whatever speed was told."""
     speeds_hz = TURNS_HZ * (1.0 - 0.0167 * np.clip(np.arange(at(14)) / RATE_HZ - 3.0, 0.0, 10.0))
     residual, frames = take_out(comb(14, speeds_hz, MILLING) + noise(14), GIVEN)
     assert frames[-2].rotation_hz == pytest.approx(speeds_hz[-1], rel=1e-3)
