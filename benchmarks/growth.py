@@ -26,7 +26,7 @@ from benchmarks.tracker_speed import FORGETTING, signal
 from chatter_monitor.acquisition.resample import Resampled
 from chatter_monitor.acquisition.synthetic import Synthetic
 from chatter_monitor.config import Settings
-from chatter_monitor.kernels import odp, poles, rarma, track
+from chatter_monitor.kernels import track
 from chatter_monitor.service.heap import keep_flat
 from chatter_monitor.service.monitor import Monitor
 from chatter_monitor.tracking.spindle import SpindleSettings
@@ -119,13 +119,11 @@ def recursion_seconds(orders: tuple[int, int]) -> float:
     p, q = orders
     samples = signal(round(SECONDS * RATE_HZ))
     out = (
-        *(np.empty((p // 2, len(samples)), np.float32) for _ in range(4)),
-        np.empty((p // 2, len(samples)), np.uint8),
+        *(np.empty((1, p // 2, len(samples)), np.float32) for _ in range(4)),
+        np.empty((1, p // 2, len(samples)), np.uint8),
     )
     began = time.process_time()
-    track.track(
-        p, q, samples, rarma.new_state(p, q), poles.new_state(p), odp.new_tile(p), FORGETTING, RATE_HZ, out
-    )  # fmt: skip
+    track.track(p, q, samples[None], track.new_state(p, q, np.array([FORGETTING]), np.array([RATE_HZ]), 0), out)
     return time.process_time() - began
 
 

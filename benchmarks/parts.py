@@ -1,7 +1,7 @@
 """What each part costs, next to yardsticks that are timed in turns with it in the same run.
 
-- One recursion with poles and standard deviations: the C yardstick (no standard deviations), one channel and eight in
-  vector lanes; the same recursion in NumPy; padasip's recursive least squares: four coefficients, no poles.
+- One recursion with poles and standard deviations, alone and one of two side by side: the C yardstick (no standard
+  deviations), one channel and eight in vector lanes; the same recursion in NumPy; padasip's recursive least squares: four coefficients, no poles.
 - The stages of the chain (`benchmarks.chain`) and the whole on simulated cuts: the recursion, and the C yardstick.
 - The filter of `diagnose`: the same in C (`observer_limit.c`), without guards.
 - The simulator's integrator: SciPy's `solve_ivp` on the same equations.
@@ -31,6 +31,7 @@ from benchmarks.tracker_speed import (
     padasip_rls,
     signal,
     tracker,
+    two_trackers,
     values_from_poles,
     yardstick_nanoseconds,
 )
@@ -42,6 +43,7 @@ CUTS = 3
 SIMULATED_S, SCIPY_S = 5.0, 0.02
 NUMPY_SAMPLES, PADASIP_SAMPLES = 3000, 20_000
 RECURSION = "one recursion"
+PAIR = "one of two recursions side by side"
 VALUES = "of it, frequency, damping and standard deviations"
 C, C8 = "C yardstick", "C yardstick, 8 lanes"
 Samples = NDArray[np.float64]
@@ -97,6 +99,7 @@ def costs(rounds: int) -> list[Cost]:
                 name: yardstick_nanoseconds(program) for name, program in programs.items() if program is not None
             }
             round_others[RECURSION] = nanoseconds(tracker, noise)
+            round_others[PAIR] = nanoseconds(two_trackers, noise)
             round_others[VALUES] = nanoseconds(values_from_poles, noise)
             round_chain = stages(kinds)
             if measured:  # the first round compiles
@@ -112,6 +115,7 @@ def costs(rounds: int) -> list[Cost]:
 
     return [
         cost(RECURSION, others[RECURSION], (C, C8, "NumPy", "padasip")),
+        cost(PAIR, others[PAIR], (C, C8)),
         cost(VALUES, others[VALUES], (RECURSION,)),
         *(cost(name, ns, (RECURSION, C)) for name, ns in chain.items()),
         *(

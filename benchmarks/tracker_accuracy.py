@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from chatter_monitor.kernels import odp, poles, rarma, track
+from chatter_monitor.kernels import track
 from chatter_monitor.tracking.tracker import Tracker, TrackerSettings
 
 RATE_HZ = 12800.0
@@ -109,14 +109,14 @@ def measure(modes: list[tuple[float, float]], zeros: list[complex], windows: int
     forgetting = 1 - 1 / (MEMORY_S * RATE_HZ)
     gap = round(GAP_MEMORIES * MEMORY_S * RATE_HZ)
     rng = np.random.default_rng(seed)
-    recursion, factors, tile = rarma.new_state(p, q), poles.new_state(p), odp.new_tile(p)
-    out = (*(np.zeros((p // 2, gap), np.float32) for _ in range(4)), np.zeros((p // 2, gap), np.uint8))
+    state = track.new_state(p, q, np.array([forgetting]), np.array([RATE_HZ]), 0)
+    out = (*(np.zeros((1, p // 2, gap), np.float32) for _ in range(4)), np.zeros((1, p // 2, gap), np.uint8))
     memory = np.zeros(p)
     rows = []
     for _ in range(windows + 1):
         y, memory = lfilter(c, a, rng.standard_normal(gap), zi=memory)
-        track.track(p, q, y, recursion, factors, tile, forgetting, RATE_HZ, out)
-        rows.append([column[:, -1].astype(float) for column in out[:4]])
+        track.track(p, q, y[None], state, out)
+        rows.append([column[0, :, -1].astype(float) for column in out[:4]])
     estimates = np.array(rows[1:])  # window, quantity, mode
     by_frequency = np.argsort(estimates[:, :1, :], axis=2)  # a slot may have met its mode crossing the other's
     estimates = np.take_along_axis(estimates, by_frequency, axis=2)

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from benchmarks.tracker_accuracy import autoregression
-from chatter_monitor.kernels import odp, poles, rarma, track
+from chatter_monitor.kernels import odp, track
 from chatter_monitor.kernels.options import OPTIONS
 from tests import naive
 
@@ -55,8 +55,15 @@ def nanoseconds(run: Callable[[NDArray[np.float64]], object], samples: NDArray[n
 
 def tracker(samples: NDArray[np.float64]) -> None:
     """Everything: recursion, poles, damping, frequency, standard deviations, status."""
-    out = (*(np.empty((2, len(samples)), np.float32) for _ in range(4)), np.empty((2, len(samples)), np.uint8))
-    track.track(4, 3, samples, rarma.new_state(4, 3), poles.new_state(4), odp.new_tile(4), FORGETTING, RATE_HZ, out)
+    out = (*(np.empty((1, 2, len(samples)), np.float32) for _ in range(4)), np.empty((1, 2, len(samples)), np.uint8))
+    track.track(4, 3, samples[None], track.new_state(4, 3, np.array([FORGETTING]), np.array([RATE_HZ]), 0), out)
+
+
+def two_trackers(samples: NDArray[np.float64]) -> None:
+    """Both halves of a signal side by side, as two octaves of a channel go."""
+    halves = samples.reshape(2, -1)
+    out = (*(np.empty((2, *halves.shape), np.float32) for _ in range(4)), np.empty((2, *halves.shape), np.uint8))
+    track.track(4, 3, halves, track.new_state(4, 3, np.full(2, FORGETTING), np.full(2, RATE_HZ), 0), out)
 
 
 def values_from_poles(samples: NDArray[np.float64]) -> None:

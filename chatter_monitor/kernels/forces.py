@@ -10,7 +10,7 @@ from collections.abc import Callable
 from types import FunctionType
 from typing import Any
 
-from llvmlite import ir  # type: ignore[import-untyped] # Numba's own code generator
+from llvmlite import ir
 from numba import cfunc, njit, types
 from numba.extending import intrinsic
 

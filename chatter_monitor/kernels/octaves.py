@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from chatter_monitor.kernels import conditioning, odp, poles, rarma
+from chatter_monitor.kernels import conditioning, poles, rarma, track
 from chatter_monitor.kernels.binding import bound
 from chatter_monitor.kernels.median import median_of_many
-from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.options import EXACT, OPTIONS
 from chatter_monitor.kernels.share import modal_shares
 from chatter_monitor.kernels.slots import Slots, assign
-from chatter_monitor.kernels.track import OSCILLATORY, REAL_PAIR, STARTING, recurse
+from chatter_monitor.kernels.track import LANES, OSCILLATORY, REAL_PAIR, STARTING, recurse
 
 
 class Columns(NamedTuple):
@@ -38,43 +38,32 @@ def new_columns(*shape: int) -> Columns:
 
 
 class Octaves(NamedTuple):
-    """State of the octaves ``first``, ``first + 1``...; the first axis of all but the last six counts them.
+    """State of the octaves ``first``, ``first + 1``...; the first axis of all but the last five counts them.
 
     Attributes
     ----------
-    recursion : RarmaState
-    poles : PoleState
+    recursions : Recursions
+        ``filled`` are the samples in the columns.
     columns : Columns
         ODPs since the last frame at the octave's rate. Sample 0 is the last one before.
-    filled : ndarray of int64, shape (octaves,)
-        Samples in the columns.
-    forgetting, rate : ndarray of float64, shape (octaves,)
-        As in `track.track`.
     shares : ndarray of float64, shape (octaves, modes)
         Of each mode in the power of the octave's signal.
     halvers : HalfBandState
         Of every halving, from the first on.
-    tile : ndarray of float64
-        Work space (`odp`).
     high_pass : ndarray of float64, shape (2,)
-    signal, work : ndarray of float64, shape (interval,)
-        The signal of the frame that comes in, without offset; work space.
-    values : ndarray of float32, shape (interval + 2,)
-        Work space.
+    signal : ndarray of float64, shape (interval,)
+        The signal of the frame that comes in, without offset.
+    roots, values : ndarray
+        Work space: complex128, shape (p,); float32, shape (interval + 2,).
     """
 
-    recursion: rarma.RarmaState
-    poles: poles.PoleState
+    recursions: track.Recursions
     columns: Columns
-    filled: np.ndarray
-    forgetting: np.ndarray
-    rate: np.ndarray
     shares: np.ndarray
     halvers: conditioning.HalfBandState
-    tile: np.ndarray
     high_pass: np.ndarray
     signal: np.ndarray
-    work: np.ndarray
+    roots: np.ndarray
     values: np.ndarray
 
 
@@ -100,37 +89,20 @@ def new_state(p: int, q: int, octaves: range, memory_s: float, rate_hz: float, i
     for column in columns[:4]:
         column[..., 0] = np.nan
     columns.status[..., 0] = STARTING
+    recursions = track.new_state(p, q, 1.0 - 1.0 / (memory_s * rates), rates, interval)
+    recursions.filled[:] = 1
     return Octaves(
-        recursion=rarma.RarmaState(*(np.stack([part] * count) for part in rarma.new_state(p, q))),
-        poles=poles.PoleState(*(np.stack([part] * count) for part in poles.new_state(p))),
+        recursions=recursions,
         columns=columns,
-        filled=np.ones(count, np.int64),
-        forgetting=1.0 - 1.0 / (memory_s * rates),
-        rate=rates,
         shares=np.zeros((count, modes)),
         halvers=conditioning.HalfBandState(
             *(np.stack([part] * max(octaves[-1], 1)) for part in conditioning.new_half_band())
         ),
-        tile=odp.new_tile(p),
         high_pass=np.zeros(2),
         signal=np.zeros(interval),
-        work=np.zeros(interval),
+        roots=np.zeros(p, np.complex128),
         values=np.zeros(interval + 2, np.float32),
     )
-
-
-@njit(**OPTIONS)
-def _recursion(state, k):
-    r = state.recursion
-    return rarma.RarmaState(
-        r.theta[k], r.u[k], r.d[k], r.phi[k], r.psi[k], r.gain[k], r.scratch[k], r.zeros[k], r.level[k], r.counts[k]
-    )
-
-
-@njit(**OPTIONS)
-def _poles(state, k):
-    s = state.poles
-    return poles.PoleState(s.factors[k], s.found[k], s.roots[k], s.taken[k], s.known[k])
 
 
 @njit(**OPTIONS)
@@ -140,45 +112,34 @@ def _halver(state, k):
 
 
 @njit(**OPTIONS)
-def _columns(state, k, begin, end):
-    c = state.columns
-    return Columns(
-        c.frequency[k, :, begin:end],
-        c.damping[k, :, begin:end],
-        c.frequency_sd[k, :, begin:end],
-        c.damping_sd[k, :, begin:end],
-        c.status[k, :, begin:end],
-    )
-
-
-@njit(inline="always", **OPTIONS)
-def _advance(p, q, first, samples, filled, corner, state):
+def _hand_out(first, samples, filled, corner, state):
+    """Give every recursion its samples, at its own rate."""
     n = samples.shape[0]
-    signal, work = state.signal[filled : filled + n], state.work
+    signal = state.signal[filled : filled + n]
     conditioning.high_pass(samples, corner, state.high_pass, signal)
+    signals, left, taken = state.recursions.signals, state.recursions.left, state.recursions.taken
     for t in range(n):
-        work[t] = signal[t]
-    for halvings in range(first + state.filled.shape[0]):
+        signals[0, t] = signal[t]
+    for halvings in range(first + left.shape[0]):
+        k = max(halvings - first, 0)
         if halvings > 0:
-            n = conditioning.halve(work[:n], _halver(state, halvings - 1), work)
-        k = halvings - first
-        if k >= 0:
-            row = state.filled[k]
-            state.filled[k] = row + n
-            recursion, factors, out = _recursion(state, k), _poles(state, k), _columns(state, k, row, row + n)
-            recurse(p, q, work[:n], recursion, factors, state.tile, state.forgetting[k], state.rate[k], out)
+            n = conditioning.halve(signals[max(halvings - first - 1, 0), :n], _halver(state, halvings - 1), signals[k])
+        left[k] = n
+        taken[k] = 0
 
 
-@njit(**OPTIONS)
+@njit(**EXACT)
 def _advance_4_3(first, samples, filled, corner, state):
-    """`_advance` with the orders of the paper known to the compiler, which makes it several times faster."""
-    _advance(4, 3, first, samples, filled, corner, state)
+    """Take samples in, with the orders of the paper known to the compiler, which makes it several times faster."""
+    _hand_out(first, samples, filled, corner, state)
+    recurse(4, 3, LANES, state.recursions, state.columns)
 
 
-@njit(**OPTIONS)
+@njit(**EXACT)
 def _advance_any(p, q, first, samples, filled, corner, state):
-    """`_advance` for orders that are known at run time only."""
-    _advance(p, q, first, samples, filled, corner, state)
+    """Take samples in, with orders that are known at run time only."""
+    _hand_out(first, samples, filled, corner, state)
+    recurse(p, q, LANES, state.recursions, state.columns)
 
 
 def advancing(p: int, q: int, first: int, corner: float, state: Octaves) -> Callable[[np.ndarray, int], None]:
@@ -212,7 +173,7 @@ def _complete(p, q, first, begin, state, slots, out):
     assign(slots)
     for slot in range(slots.hold.shape[0]):
         slots.hold[slot] = 1 << (first + max(slots.chosen[slot, 0], 0))
-    show(first, begin, slots.chosen, state.columns, state.filled, out)
+    show(first, begin, slots.chosen, state.columns, state.recursions.filled, out)
 
 
 def completing(p: int, q: int, first: int, state: Octaves, slots: Slots) -> Callable[[int, Columns], None]:
@@ -251,16 +212,18 @@ def survey(p, q, first, begin, state, frequencies, powers):
     powers : ndarray of float64, shape (octaves, modes)
         The result: power of each mode at this moment, by the model and the recent power of the octave's signal.
     """
-    for k in range(state.filled.shape[0]):
-        recursion, factors = _recursion(state, k), _poles(state, k)
-        if factors.known[0]:
-            modal_shares(p, q, recursion.theta, factors.factors, factors.roots, state.shares[k])
+    filled = state.recursions.filled
+    for k in range(filled.shape[0]):
+        memory = state.recursions.memory[k]
+        recursion, factors = rarma.parts(p, q, memory), poles.parts(p, memory[rarma.rows(p, q) :])
+        if factors.known[0] > 0.0:
+            modal_shares(p, q, recursion.theta, factors.factors.reshape((p // 2, 2)), state.roots, state.shares[k])
         shown = _row(begin, begin, first + k)
-        rows = state.filled[k] - shown
+        rows = filled[k] - shown
         for m in range(p // 2):
-            powers[k, m] = state.shares[k, m] * recursion.level[rarma.POWER]
+            powers[k, m] = state.shares[k, m] * recursion.heard[rarma.POWER]
             known = 0
-            for row in range(shown, state.filled[k]):
+            for row in range(shown, filled[k]):
                 frequency = state.columns.frequency[k, m, row]
                 if state.columns.status[k, m, row] != STARTING and not math.isnan(frequency):
                     state.values[known] = frequency

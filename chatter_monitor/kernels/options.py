@@ -12,3 +12,6 @@ OPTIONS: dict[str, Any] = {
     # it atomic counters take more than half of the time (docs/decisions/0002-kernels-without-reference-counts.md).
     "_nrt": False,
 }
+# Of kernels in lanes: a product and a sum are joined where the source says so, not where the compiler likes, which
+# might differ with the number of lanes.
+EXACT: dict[str, Any] = {**OPTIONS, "fastmath": {"nsz"}}

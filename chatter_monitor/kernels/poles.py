@@ -11,8 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.extending import register_jitable
 
-from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.lanes import bits, fma, select, spread
+from chatter_monitor.kernels.options import EXACT, OPTIONS
 from chatter_monitor.kernels.polynomial import all_roots
 
 NEWTON_STEPS = 6
@@ -23,66 +25,84 @@ CONSISTENT = 1e-6
 
 
 class PoleState(NamedTuple):
-    """Factors ``[b, c]`` of every mode slot, ``factors[m, 2]``, and work space for finding them afresh."""
+    """Rows of lanes or numbers: factor ``[b, c]`` of mode m at ``factors[2 m]``, and whether they are ``known[0]``."""
 
+    factors: np.ndarray
+    known: np.ndarray
+
+
+class Search(NamedTuple):
+    """Work space for finding one lane's factors afresh: ``coefficients[p]``, ``factors[modes, 2]`` and more."""
+
+    coefficients: np.ndarray
     factors: np.ndarray
     found: np.ndarray
     roots: np.ndarray
     taken: np.ndarray
-    known: np.ndarray
 
 
-def new_state(p: int) -> PoleState:
-    """Fresh state for a polynomial of even degree p: no factor known yet."""
+@register_jitable(forceinline=True, **EXACT)
+def rows(p):
+    """How many rows the state has."""
+    return p + 1
+
+
+@register_jitable(forceinline=True, **EXACT)
+def parts(p, memory):
+    """State in `memory`, an array of zeros at first."""
+    return PoleState(memory[:p], memory[p : p + 1])
+
+
+def new_search(p: int) -> Search:
+    """Allocate it."""
     modes = p // 2
-    return PoleState(
+    return Search(
+        coefficients=np.zeros(p),
         factors=np.zeros((modes, 2)),
         found=np.zeros((modes, 2)),
         roots=np.zeros(p, dtype=np.complex128),
         taken=np.zeros(p, dtype=np.bool_),
-        known=np.zeros(1, dtype=np.bool_),
     )
 
 
-@njit(forceinline=True, **OPTIONS)
+@njit(forceinline=True, **EXACT)
 def bairstow_step(p, a, b, c):
     """Newton step (db, dc) that takes z^2 + b z + c towards a factor of z^p + a[0] z^(p-1) + ... + a[p-1]."""
     # h: coefficients of the quotient by synthetic division, g: those of a second division
-    h1, h2 = 1.0, 0.0  # h[i-1], h[i-2]
-    g0, g1, g2 = 1.0, 0.0, 0.0  # g[i-1], g[i-2], g[i-3]
+    h1, h2 = spread(1.0, b), spread(0.0, b)  # h[i-1], h[i-2]
+    g0, g1, g2 = h1, h2, h2  # g[i-1], g[i-2], g[i-3]
     for i in range(p - 1):
-        h = a[i] - b * h1 - c * h2
+        h = fma(-b, h1, fma(-c, h2, a[i]))
         h1, h2 = h, h1
-        g = h - b * g0 - c * g1
+        g = fma(-b, g0, fma(-c, g1, h))
         g0, g1, g2 = g, g0, g1
     remainder = h1
-    last = a[p - 1] - b * h1 - c * h2
+    last = fma(-b, h1, fma(-c, h2, a[p - 1]))
     # after the loop g0, g1, g2 = g[p-1], g[p-2], g[p-3]
-    inverse = 1.0 / (g1 * g1 - g2 * g0)
-    return (remainder * g1 - last * g2) * inverse, (last * g1 - remainder * g0) * inverse
+    inverse = 1.0 / fma(g1, g1, -(g2 * g0))
+    return fma(remainder, g1, -(last * g2)) * inverse, fma(last, g1, -(remainder * g0)) * inverse
 
 
-@njit(forceinline=True, **OPTIONS)
-def polish(p, a, factors):
-    """Newton-polish all factors; returns whether they converged to p/2 different ones."""
-    total = 0.0
-    for m in range(p // 2):
-        b = factors[m, 0]
-        c = factors[m, 1]
-        converged = False
-        for _ in range(NEWTON_STEPS):
+@njit(forceinline=True, **EXACT)
+def polish(p, a, factors, wanted):
+    """Newton-polish all factors in the wanted lanes; returns where they converged to p/2 different ones."""
+    moving = wanted
+    for _ in range(NEWTON_STEPS):
+        left = moving & ~moving
+        for m in range(p // 2):
+            b = factors[2 * m]
+            c = factors[2 * m + 1]
             db, dc = bairstow_step(p, a, b, c)
-            b += db
-            c += dc
-            if abs(db) + abs(dc) < CONVERGED:
-                converged = True
-                break
-        if not converged:
-            return False
-        factors[m, 0] = b
-        factors[m, 1] = c
-        total += b
-    return abs(total - a[0]) < CONSISTENT
+            factors[2 * m] = select(moving, b + db, b)
+            factors[2 * m + 1] = select(moving, c + dc, c)
+            left = left | ~(abs(db) + abs(dc) < CONVERGED)
+        moving = moving & left
+        if not bits(moving):
+            break
+    excess = -a[0]
+    for m in range(p // 2):
+        excess = excess + factors[2 * m]
+    return wanted & ~moving & (abs(excess) < CONSISTENT)
 
 
 @njit(**OPTIONS)
@@ -112,14 +132,13 @@ def angle_order(b, c):
 
 
 @njit(**OPTIONS)
-def find_afresh(p, a, state):
-    """Find all factors from nothing and hand them to the slots: by frequency the first time, then to the nearest."""
-    factors, found, roots, taken, known = state
+def find_afresh(p, known, search):
+    """Find all factors from nothing and hand them to the slots: by frequency unless known, then to the nearest."""
+    a, factors, found, roots, taken = search
     modes = p // 2
     all_roots(p, a, roots)
     pair_roots(p, roots, taken, found)
-    if not known[0]:
-        known[0] = True
+    if not known:
         for m in range(modes):  # lowest frequency into slot 0: cosine of the angle falls with frequency
             best = m
             for k in range(m + 1, modes):
@@ -151,14 +170,26 @@ def find_afresh(p, a, state):
         factors[slot, 1] = found[source, 1]
 
 
-@njit(forceinline=True, **OPTIONS)
-def forget_slots(state):
-    """Fill the slots anew, in order of frequency, at the next sample."""
-    state.known[0] = False
+@njit(**OPTIONS)
+def _find_afresh_in(lane, p, coefficients, factors, known, search):
+    """`find_afresh` for one lane of arrays of shape (rows, lanes)."""
+    for i in range(p):
+        search.coefficients[i] = coefficients[i, lane]
+        search.factors[i // 2, i % 2] = factors[i, lane]
+    find_afresh(p, known[0, lane] != 0.0, search)
+    for i in range(p):
+        factors[i, lane] = search.factors[i // 2, i % 2]
+    known[0, lane] = 1.0
 
 
-@njit(forceinline=True, **OPTIONS)
-def follow(p, a, state):
-    """Bring the factors of every slot up to date with the coefficients ``a[p]``."""
-    if not state.known[0] or not polish(p, a, state.factors):
-        find_afresh(p, a, state)
+@njit(forceinline=True, **EXACT)
+def follow(p, a, state, wanted, numbers, search):
+    """Bring the factors of every slot up to date with the coefficients ``a[p]`` in the wanted lanes.
+
+    ``numbers`` are the arrays behind the lanes of a, factors and known, shape (rows, lanes).
+    """
+    polished = polish(p, a, state.factors, wanted & (state.known[0] > 0.0))
+    lost = bits(wanted & ~polished)
+    for lane in range(numbers[0].shape[1] if lost else 0):
+        if lost >> lane & 1:
+            _find_afresh_in(lane, p, *numbers, search)

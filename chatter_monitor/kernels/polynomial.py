@@ -4,34 +4,38 @@ import math
 
 from numba import njit
 
-from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.lanes import fma, spread
+from chatter_monitor.kernels.options import EXACT, OPTIONS
 
 ABERTH_STEPS = 200
 ABERTH_CONVERGED = 1e-14
 
 
-@njit(forceinline=True, **OPTIONS)
-def is_minimum_phase(n, a, work, radius):
-    """Tell by the Schur-Cohn test whether all zeros of 1 + a[0] z^-1 + ... + a[n-1] z^-n are within `radius`."""
-    work[0] = 1.0
-    scale = 1.0
+@njit(forceinline=True, **EXACT)
+def is_minimum_phase(n, a, work, inverse_radius):
+    """Tell by the Schur-Cohn test whether all zeros of 1 + a[0] z^-1 + ... + a[n-1] z^-n are within a radius.
+
+    Coefficients and radius are lanes, the answer a mask.
+    """
+    work[0] = spread(1.0, inverse_radius)
+    scale = inverse_radius
     for i in range(n):
-        scale /= radius
         work[i + 1] = a[i] * scale
+        scale = scale * inverse_radius
+    within = abs(work[n]) < work[0]
     for m in range(n, 0, -1):
         first = work[0]
         last = work[m]
-        if not abs(last) < first:
-            return False
+        within = within & (abs(last) < first)
         # reverse-and-subtract in place, pairs from both ends, without divisions
         for i in range((m + 1) // 2):
             low = work[i]
             high = work[m - i]
-            work[i] = first * low - last * high
-            work[m - i] = first * high - last * low
+            work[i] = fma(first, low, -(last * high))
+            work[m - i] = fma(first, high, -(last * low))
         if m % 2 == 0:
-            work[m // 2] *= first - last
-    return True
+            work[m // 2] = work[m // 2] * (first - last)
+    return within
 
 
 @njit(**OPTIONS)

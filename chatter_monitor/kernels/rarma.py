@@ -15,9 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.extending import register_jitable
 
-from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.lanes import bits, floor, fma, larger, select, smaller, spread
+from chatter_monitor.kernels.options import EXACT, OPTIONS
 from chatter_monitor.kernels.polynomial import all_roots, is_minimum_phase, multiply_out
+from chatter_monitor.kernels.udu import distrust, mean_variance, udu_update
 
 # Innovations beyond this many standard deviations count as outliers: their weight falls with their square.
 OUTLIER_SD = 3.0
@@ -45,99 +48,99 @@ LARGEST_SAMPLE = 1e100
 # How often the bound on the covariance is checked, in samples.
 BOUND_INTERVAL = 64
 
-# Indices into RarmaState.level (float64)
+# Indices into RarmaState.level: what was learned beside the coefficients
 INNOVATION_VARIANCE = 0
-POWER = 1
-SCATTER = 2  # weighted mean of squared standardised innovations: 1 where the weights are right
-LAST_SAMPLE = 3
-WINDOW = 4  # sum of lambda^k over the samples adapted to
-WINDOW_SQUARED = 5  # sum of lambda^2k
-USUAL_VARIANCE = 6  # innovation variance averaged over the memory
-# Indices into RarmaState.counts (int64)
-ADAPTED = 0  # samples adapted to, since the start
-REPEATS = 1  # how long the signal has not changed
-REFILL = 2  # samples to wait after a gap until the regressors mean something again
-FORGETTING_STOPPED = 3  # 1 while the covariance is at its bound
+SCATTER = 1  # weighted mean of squared standardised innovations: 1 where the weights are right
+WINDOW = 2  # sum of lambda^k over the samples adapted to
+WINDOW_SQUARED = 3  # sum of lambda^2k
+USUAL_VARIANCE = 4  # innovation variance averaged over the memory
+ADAPTED = 5  # samples adapted to, since the start
+UNCHECKED = 6  # samples adapted to since the bound on the covariance was checked
+FORGETTING_STOPPED = 7  # 1 while the covariance is at its bound
+CONTRACTIONS = 8  # times C had to be contracted, since the start
+LEVELS = 9
+# Indices into RarmaState.heard: what the signal is like
+POWER = 0
+LAST_SAMPLE = 1
+REPEATS = 2  # how long the signal has not changed
+REFILL = 3  # samples to wait after a gap until the regressors mean something again
 MISSING = 4  # non-finite samples met, since the start
-CONTRACTIONS = 5  # times C had to be contracted, since the start
+HEARD = 5
 
 
 class RarmaState(NamedTuple):
-    """Everything the recursion remembers; n = p + q.
+    """Everything the recursion remembers, rows of lanes or of numbers; n = p + q.
 
-    ``theta[n]`` = [c, a]; row j of ``u[n, n]`` holds column j of U (unit upper triangular: the first j entries
-    count) and ``d[n]`` its D; ``phi`` is the regressor [e(t-1).., -y(t-1)..] and ``psi`` the same filtered by 1/C,
-    both of length q + max(p, q) because the filter reaches back q samples; ``gain[n]``, ``scratch[q + 1]`` and
-    ``zeros[2, q]`` are work space; ``level`` and ``counts`` hold scalars at the indices above.
+    ``theta[n]`` = [c, a]; ``u`` holds U, unit upper triangular, column after column without the diagonal, and ``d[n]``
+    its D; ``phi`` is the regressor [e(t-1).., -y(t-1)..] and ``psi`` the same filtered by 1/C, both of length
+    q + max(p, q) because the filter reaches back q samples; ``level`` and ``heard`` are read at the indices above.
     """
 
     theta: np.ndarray
-    u: np.ndarray
     d: np.ndarray
+    u: np.ndarray
+    level: np.ndarray
+    heard: np.ndarray
     phi: np.ndarray
     psi: np.ndarray
+
+
+class Work(NamedTuple):
+    """Work space: rows of lanes, and of one lane the coefficients of C and its zeros."""
+
     gain: np.ndarray
     scratch: np.ndarray
+    learned: np.ndarray
+    c: np.ndarray
     zeros: np.ndarray
-    level: np.ndarray
-    counts: np.ndarray
 
 
-def new_state(p: int, q: int) -> RarmaState:
-    """Fresh state of a RARMA(p, q) recursion."""
+@register_jitable(forceinline=True, **EXACT)
+def learned_rows(p, q):
+    """How many rows, the first ones of the state, are left alone by a sample that teaches nothing."""
     n = p + q
+    return 2 * n + n * (n - 1) // 2 + LEVELS
+
+
+@register_jitable(forceinline=True, **EXACT)
+def rows(p, q):
+    """How many rows the state has."""
+    return learned_rows(p, q) + HEARD + 2 * (q + max(p, q))
+
+
+@register_jitable(forceinline=True, **EXACT)
+def parts(p, q, memory):
+    """State in an array of so many rows."""
+    n, learned, regressors = p + q, learned_rows(p, q), q + max(p, q)
+    heard = learned + HEARD
     return RarmaState(
-        theta=np.zeros(n),
-        u=np.zeros((n, n)),
-        d=np.full(n, PRIOR_VARIANCE),
-        phi=np.zeros(q + max(p, q)),
-        psi=np.zeros(q + max(p, q)),
-        gain=np.zeros(n),
-        scratch=np.zeros(q + 1),
-        zeros=np.zeros((2, q), dtype=np.complex128),
-        level=np.zeros(7),
-        counts=np.zeros(6, dtype=np.int64),
+        theta=memory[:n],
+        d=memory[n : 2 * n],
+        u=memory[2 * n : learned - LEVELS],
+        level=memory[learned - LEVELS : learned],
+        heard=memory[learned:heard],
+        phi=memory[heard : heard + regressors],
+        psi=memory[heard + regressors : heard + 2 * regressors],
     )
 
 
-@njit(forceinline=True, **OPTIONS)
-def udu_update(n, u, d, psi, gain, noise, forgetting):
-    """Bierman's measurement update of P = U D U' for the regressor `psi`, followed by forgetting.
-
-    On return ``gain`` holds P psi (before the update); the result is ``noise + psi' P psi``, so that the Kalman gain is
-    their quotient. Then P <- (P - gain gain' / result) / forgetting.
-    """
-    total = noise
-    inverse = 1.0 / noise
-    growth = 1.0 / forgetting
-    for j in range(n):
-        f = psi[j]
-        for i in range(j):
-            f += u[j, i] * psi[i]
-        v = d[j] * f
-        before = total
-        step = -f * inverse
-        total += f * v
-        inverse = 1.0 / total
-        d[j] *= before * inverse * growth
-        gain[j] = v
-        for i in range(j):
-            u_ij = u[j, i]
-            u[j, i] = u_ij + gain[i] * step
-            gain[i] += u_ij * v
-    return total
+def begin(p: int, q: int, memory: np.ndarray) -> None:
+    """Make zeros a fresh state."""
+    parts(p, q, memory).d[:] = PRIOR_VARIANCE
 
 
-@njit(forceinline=True, **OPTIONS)
-def inner(q, n, x, y):
-    """Inner product in two sums that the processor can form at the same time."""
-    of_c = 0.0
-    of_a = 0.0
-    for i in range(q):
-        of_c += x[i] * y[i]
-    for i in range(q, n):
-        of_a += x[i] * y[i]
-    return of_c + of_a
+@njit(forceinline=True, **EXACT)
+def less_inner(start, begin, end, x, y):
+    """`start` less the inner product of these elements."""
+    for i in range(begin, end):
+        start = fma(-x[i], y[i], start)
+    return start
+
+
+@njit(forceinline=True, **EXACT)
+def predict_error(p, q, start, x, phi):
+    """`start` less x' phi, in two sums that the processor can form at the same time."""
+    return less_inner(start, q, p + q, x, phi) + less_inner(spread(0.0, start), 0, q, x, phi)
 
 
 @njit(**OPTIONS)
@@ -157,111 +160,132 @@ def contract(q, c, zeros, radius):
 
 
 @njit(**OPTIONS)
-def forget_regressors(state, forgetting):
-    """After missing samples: the past is unknown, so empty the regressors and wait until they mean something again."""
-    state.phi[:] = 0.0
-    state.psi[:] = 0.0
-    state.counts[REFILL] = int(REFILL_SHARE / (1.0 - forgetting))
-    state.counts[REPEATS] = 0
+def _contract_in(outside, q, numbers, work):
+    """`contract` for those lanes, bits of an integer, of the array behind the lanes; the last row is the forgetting."""
+    for lane in range(numbers.shape[1]):
+        if outside >> lane & 1:
+            for i in range(q):
+                work.c[i] = numbers[i, lane]
+            contract(q, work.c, work.zeros, CONTRACTION * numbers[-1, lane])
+            for i in range(q):
+                numbers[i, lane] = work.c[i]
 
 
-@njit(**OPTIONS)
-def distrust(n, d, factor):
-    """Multiply the covariance, but nothing beyond the prior."""
-    for j in range(n):
-        d[j] = max(d[j], min(d[j] * factor, PRIOR_VARIANCE))
+@njit(forceinline=True, **EXACT)
+def forget_regressors(missing, state, forgetting):
+    """Where samples are missing, the past is unknown: empty the regressors and wait until they mean something again."""
+    for i in range(state.phi.shape[0]):
+        state.phi[i] = select(missing, 0.0, state.phi[i])
+        state.psi[i] = select(missing, 0.0, state.psi[i])
+    heard = state.heard
+    heard[REFILL] = select(missing, floor(REFILL_SHARE / (1.0 - forgetting)), heard[REFILL])
+    heard[MISSING] = select(missing, heard[MISSING] + 1.0, heard[MISSING])
 
 
-@njit(**OPTIONS)
-def mean_variance(n, u, d):
-    """Trace of U D U' divided by n."""
-    trace = 0.0
-    for j in range(n):
-        column = 1.0
-        for i in range(j):
-            column += u[j, i] * u[j, i]
-        trace += d[j] * column
-    return trace / n
+@njit(forceinline=True, **EXACT)
+def learn(p, q, sample, error, power, wanted, state, work, numbers, forgetting):
+    """Adapt to a sample; the result is the residual. What is not wanted is done as well, but for its dear parts."""
+    theta, d, u, level, _heard, phi, psi = state
+    n = p + q
+    speed = VARIANCE_SPEED * (1.0 - forgetting)
+    variance = larger(level[INNOVATION_VARIANCE], PREDICTABLE_SHARE * power)
+    variance = select(level[ADAPTED] == 0.0, fma(sample, sample, power), variance)
+    noise = larger(variance, error * error * (1.0 / (OUTLIER_SD * OUTLIER_SD)))
+    stopped = level[FORGETTING_STOPPED] > 0.0
+    remembered = select(stopped, 1.0, forgetting)
+    start = forgetting * noise
+    total = udu_update(n, u, d, psi, work.gain, start, select(stopped, 1.0, 1.0 / forgetting))
+    rate = error / total
+    residual = fma(rate, predict_error(p, q, spread(0.0, error), work.gain, phi), error)
+    for i in range(n):
+        theta[i] = fma(work.gain[i], rate, theta[i])
+    minimum_phase = is_minimum_phase(q, theta, work.scratch, 1.0 / forgetting)
+    outside = bits(wanted & ~minimum_phase)
+    if outside:
+        level[CONTRACTIONS] = select(minimum_phase, level[CONTRACTIONS], level[CONTRACTIONS] + 1.0)
+        _contract_in(outside, q, numbers, work)
+        residual = select(minimum_phase, residual, predict_error(p, q, sample, theta, phi))
+
+    explained = smaller(error * rate * start, OUTLIER_SD * OUTLIER_SD * variance)
+    variance = fma(speed, explained - variance, variance)
+    level[INNOVATION_VARIANCE] = variance
+    usual = select(level[ADAPTED] < SAMPLES_PER_COEFFICIENT * n, variance, level[USUAL_VARIANCE])
+    surprised = variance > SURPRISE * usual
+    if bits(surprised):
+        distrust(n, d, PRIOR_VARIANCE, select(surprised, variance / usual, 1.0))
+        usual = select(surprised, variance, usual)
+    level[USUAL_VARIANCE] = fma(1.0 - forgetting, variance - usual, usual)
+    level[WINDOW] = fma(remembered, level[WINDOW], 1.0)
+    level[WINDOW_SQUARED] = fma(remembered * remembered, level[WINDOW_SQUARED], 1.0)
+    level[SCATTER] = level[SCATTER] + (explained / noise - level[SCATTER]) / level[WINDOW]
+    level[ADAPTED] = level[ADAPTED] + 1.0
+    level[UNCHECKED] = level[UNCHECKED] + 1.0
+    due = level[UNCHECKED] > BOUND_INTERVAL - 1.0
+    if bits(due):
+        bounded = select(mean_variance(n, u, d) > PRIOR_VARIANCE, 1.0, spread(0.0, sample))
+        level[FORGETTING_STOPPED] = select(due, bounded, level[FORGETTING_STOPPED])
+        level[UNCHECKED] = select(due, 0.0, level[UNCHECKED])
+    return residual
 
 
-@njit(forceinline=True, **OPTIONS)
-def step(p, q, sample, state, forgetting):
+@njit(forceinline=True, **EXACT)
+def step(p, q, sample, state, memory, work, numbers, forgetting):
     """Take one sample into the model.
 
     Parameters
     ----------
     p, q : int
         Orders; known constants after inlining, which is what makes the loops unroll.
-    sample : float
+    sample : lanes
         y(t). Non-finite counts as missing.
-    state : RarmaState
-        Changed in place.
-    forgetting : float
+    state, memory : RarmaState, array of lanes
+        The same, changed in place.
+    work : Work
+        Work space.
+    numbers : ndarray of float64, shape (rows, lanes)
+        What the lanes of the memory are views of; the last row is the forgetting.
+    forgetting : lanes
         lambda = 1 - 1 / (memory in samples).
 
     Returns
     -------
-    bool
-        Whether the model adapted; False for frozen.
+    mask
+        Where the model adapted; elsewhere it is frozen.
     """
-    theta, u, d, phi, psi, gain, scratch, zeros, level, counts = state
-    n = p + q
-    if not abs(sample) < LARGEST_SAMPLE:
-        counts[MISSING] += 1
-        forget_regressors(state, forgetting)
-        return False
-
-    counts[REPEATS] = counts[REPEATS] + 1 if sample == level[LAST_SAMPLE] else 0
-    level[LAST_SAMPLE] = sample
+    theta, phi, psi, heard = state.theta, state.phi, state.psi, state.heard
+    present = abs(sample) < LARGEST_SAMPLE
+    if bits(~present):
+        forget_regressors(~present, state, forgetting)
+        sample = select(present, sample, 0.0)
+    repeats = select(present & (sample == heard[LAST_SAMPLE]), heard[REPEATS] + 1.0, 0.0)
+    heard[REPEATS] = repeats
+    heard[LAST_SAMPLE] = select(present, sample, heard[LAST_SAMPLE])
     speed = VARIANCE_SPEED * (1.0 - forgetting)
-    power = level[POWER] + speed * (sample * sample - level[POWER])
-    level[POWER] = power
+    power = fma(speed, fma(sample, sample, -heard[POWER]), heard[POWER])
+    power = select(present, power, heard[POWER])
+    heard[POWER] = power
 
-    error = sample - inner(q, n, theta, phi)
+    error = predict_error(p, q, sample, theta, phi)
     residual = error
-
-    informative = counts[REPEATS] < REPEATS_TO_FREEZE and counts[REFILL] == 0 and power > 0.0
-    if informative:
-        variance = max(level[INNOVATION_VARIANCE], PREDICTABLE_SHARE * power)
-        if counts[ADAPTED] == 0:
-            variance = sample * sample + power
-        noise = max(variance, error * error / (OUTLIER_SD * OUTLIER_SD))
-        remembered = 1.0 if counts[FORGETTING_STOPPED] else forgetting
-        start = forgetting * noise
-        total = udu_update(n, u, d, psi, gain, start, remembered)
-        rate = error / total
-        residual = error - rate * inner(q, n, gain, phi)
-        for i in range(n):
-            theta[i] += gain[i] * rate
-        if not is_minimum_phase(q, theta, scratch, forgetting):
-            counts[CONTRACTIONS] += 1
-            contract(q, theta, zeros, CONTRACTION * forgetting)
-            residual = sample - inner(q, n, theta, phi)
-
-        explained = min(error * rate * start, OUTLIER_SD * OUTLIER_SD * variance)
-        variance += speed * (explained - variance)
-        level[INNOVATION_VARIANCE] = variance
-        if counts[ADAPTED] < SAMPLES_PER_COEFFICIENT * n:
-            level[USUAL_VARIANCE] = variance
-        if variance > SURPRISE * level[USUAL_VARIANCE]:
-            distrust(n, d, variance / level[USUAL_VARIANCE])
-            level[USUAL_VARIANCE] = variance
-        level[USUAL_VARIANCE] += (1.0 - forgetting) * (variance - level[USUAL_VARIANCE])
-        level[WINDOW] = remembered * level[WINDOW] + 1.0
-        level[WINDOW_SQUARED] = remembered * remembered * level[WINDOW_SQUARED] + 1.0
-        level[SCATTER] += (explained / noise - level[SCATTER]) / level[WINDOW]
-        counts[ADAPTED] += 1
-        if counts[ADAPTED] % BOUND_INTERVAL == 0:
-            counts[FORGETTING_STOPPED] = mean_variance(n, u, d) > PRIOR_VARIANCE
-    elif counts[REFILL] > 0:
-        counts[REFILL] -= 1
+    refilled = heard[REFILL] == 0.0
+    informative = present & refilled & (repeats < REPEATS_TO_FREEZE) & (power > 0.0)
+    heard[REFILL] = select(present & ~refilled, heard[REFILL] - 1.0, heard[REFILL])
+    if bits(informative):
+        some = bits(~informative)
+        kept = work.learned.shape[0] if some else 0
+        for i in range(kept):
+            work.learned[i] = memory[i]
+        residual = learn(p, q, sample, error, power, informative, state, work, numbers, forgetting)
+        for i in range(kept):
+            memory[i] = select(informative, memory[i], work.learned[i])
+        residual = select(informative, residual, error)
 
     # eq. (22): psi is phi filtered by 1/C, with a posteriori residuals
     sample_filtered = sample
     residual_filtered = residual
     for i in range(q):
-        sample_filtered += theta[i] * psi[q + i]
-        residual_filtered -= theta[i] * psi[i]
+        sample_filtered = fma(theta[i], psi[q + i], sample_filtered)
+        residual_filtered = fma(-theta[i], psi[i], residual_filtered)
     for i in range(q - 1, 0, -1):
         phi[i] = phi[i - 1]
         psi[i] = psi[i - 1]

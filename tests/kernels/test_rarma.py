@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from chatter_monitor.kernels import odp, poles, rarma, track
+from chatter_monitor.kernels import rarma, track, udu
 from tests import naive
 
 RATE = 12800.0
@@ -22,13 +22,14 @@ class Channel:
 
     def __init__(self, p: int = 4, q: int = 3, forgetting: float = FORGETTING) -> None:
         self.p, self.q, self.forgetting = p, q, forgetting
-        self.recursion, self.poles, self.tile = rarma.new_state(p, q), poles.new_state(p), odp.new_tile(p)
+        self.state = track.new_state(p, q, np.array([forgetting]), np.array([RATE]), 0)
+        self.recursion = rarma.parts(p, q, self.state.memory[0])
 
     def run(self, samples: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         n, modes = len(samples), self.p // 2
-        out = (*(np.zeros((modes, n), np.float32) for _ in range(4)), np.zeros((modes, n), np.uint8))
-        track.track(self.p, self.q, samples, self.recursion, self.poles, self.tile, self.forgetting, RATE, out)
-        return [column.T for column in out]
+        out = (*(np.zeros((1, modes, n), np.float32) for _ in range(4)), np.zeros((1, modes, n), np.uint8))
+        track.track(self.p, self.q, samples[None], self.state, out)
+        return [column[0].T for column in out]
 
 
 def cut(n: int, seed: int = 1) -> NDArray[np.float64]:
@@ -51,7 +52,7 @@ def test_kernel_equals_its_naive_twin(p: int, q: int) -> None:
     np.testing.assert_allclose(channel.recursion.theta, twin.theta, rtol=1e-6, atol=1e-8)
     u = np.eye(p + q)
     for j in range(p + q):
-        u[:j, j] = channel.recursion.u[j, :j]
+        u[:j, j] = channel.recursion.u[udu.column(j) : udu.column(j + 1)]
     covariance = u @ np.diag(channel.recursion.d) @ u.T
     scale = np.sqrt(np.diag(twin.covariance))
     np.testing.assert_allclose(covariance / np.outer(scale, scale), twin.covariance / np.outer(scale, scale), atol=1e-5)
@@ -134,7 +135,7 @@ def test_samples_that_are_no_numbers_are_missing_samples(bad: float) -> None:
     y[[10, 20_000, 20_003]] = bad
     y[40_000:41_000] = bad
     out = channel.run(y)
-    assert channel.recursion.counts[rarma.MISSING] == 1003
+    assert channel.recursion.heard[rarma.MISSING] == 1003
     assert np.all(out[4][40_000:41_256] == track.HELD)
     assert np.all(out[4][41_256:] == track.OSCILLATORY)
     assert np.all(np.isfinite(out[1][19_000:40_500]))
