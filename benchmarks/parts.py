@@ -1,7 +1,8 @@
 """What each part costs, next to yardsticks that are timed in turns with it in the same run.
 
 - One recursion with poles and standard deviations, alone and one of two side by side: the C yardstick (no standard
-  deviations), one channel and eight in vector lanes; the same recursion in NumPy; padasip's recursive least squares: four coefficients, no poles.
+  deviations), one channel and eight in vector lanes; the same recursion in NumPy; padasip's recursive least squares:
+  four coefficients, no poles.
 - The stages of the chain (`benchmarks.chain`) and the whole on simulated cuts: the recursion, and the C yardstick.
 - The filter of `diagnose`: the same in C (`observer_limit.c`), without guards.
 - The simulator's integrator: SciPy's `solve_ivp` on the same equations.
