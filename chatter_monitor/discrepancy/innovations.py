@@ -147,16 +147,18 @@ class Innovations:
         """Forces of terms along the motion, shape (len(terms), 2, n); see `kernels.forces_along`."""
         out = np.empty((len(terms), 2, self.errors.size))
 
-        def some(which: Sequence[int]) -> None:
-            found = np.empty((len(which), 2, self.errors.size))
-            tried = [terms[i] for i in which]
-            forces_along(self.observer, self._where_cut(*tried[0]), self.settled, tried_forces(tried), found)
-            out[which] = found
+        def some(part: slice) -> None:
+            motion = self._where_cut(*terms[part.start])
+            forces_along(self.observer, motion, self.settled, tried_forces(terms[part]), out[part])
 
-        leaving = [i for i, tried in enumerate(terms) if chip_of(*tried) < math.inf]
-        staying = [i for i in range(len(terms)) if i not in leaving]
-        shares = [staying[first : first + _SIDE_BY_SIDE] for first in range(0, len(staying), _SIDE_BY_SIDE)]
-        each(some, [*shares, *([i] for i in leaving)])
+        leaving = [chip_of(*tried) < math.inf for tried in terms]  # each over a surface of its own
+        shares: list[slice] = []
+        for i, leaves in enumerate(leaving):
+            if shares and not leaves and not leaving[i - 1] and i - shares[-1].start < _SIDE_BY_SIDE:
+                shares[-1] = slice(shares[-1].start, i + 1)
+            else:
+                shares.append(slice(i, i + 1))
+        each(some, shares)
         return out
 
     def _where_cut(self, term: Term, values: Sequence[float]) -> Motion:

@@ -86,11 +86,13 @@ def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector], named: 
     first = len(columns)
     columns.extend(signature for applied in named for signature in inn.respond(_varied(inn, applied)))
     evidence = Evidence(inn.white, columns, case.weight, range(len(fitted)), case.evidence.block)
-    explained = np.tensordot(evidence.regress([]).all_coefficients, np.array(fitted), axes=1)
+    left = inn.white.copy()
+    for coefficient, column in zip(evidence.regress([]).all_coefficients, fitted, strict=True):
+        left -= coefficient * column
     return Unnamed(
         {name: smooth_nats(evidence, index) for name, index in groups.items()},
         {key: evidence.regress([column]).gain for column, key in enumerate(varied, first)},
-        find_echo(inn, inn.white - explained, case.weight),
+        find_echo(inn, left, case.weight),
     )
 
 
