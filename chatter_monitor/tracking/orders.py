@@ -47,7 +47,8 @@ class OrderSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     window_s : float
         Stretch of signal in which a comb is looked for; half of it does at the start.
     speed_tolerance : float
-        Largest relative distance of the real speed from the given one.
+        Largest relative distance of the real speed from the given one where it is looked for; once heard it is
+        followed beyond.
     slowest_hz, fastest_hz : float
         Range of the fundamental when no speed is given. Lines that are all multiples of something above `fastest_hz`
         are not taken for a comb: a self-excited vibration has overtones, too.
