@@ -26,8 +26,8 @@ NEAR, FOLLOWING = 4.0 * DECIBEL, 0.02
 FALLING, BEFORE = 4, 16
 # Nothing but noise is heard as long as no line stands out by so much: the highest of 250 bins of noise does by 6 dB.
 NOISE = 7.0 * DECIBEL
-# Then the tool enters when the level doubles; a lone line with its skirts lifts it, too, by an eighth of its height.
-DOUBLES, LONE = 3.0 * DECIBEL, 0.16
+# A lone line with its skirts lifts the level, too, by a sixth of its height at most; a tool that enters by more.
+LONE = 0.2
 # The tool has entered when the level has not risen by so much in so many frames; it takes a second at most.
 STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 
@@ -74,7 +74,7 @@ def engaged(levels, powers, crests, head, air, scratch):
             rose, louder = level - levels[then], power - powers[then] >= FALL
             out = louder and power_before <= air[CUT] - FALL and rose >= FALL
             if louder and not out and _before(crests, head, scratch) < NOISE:
-                out = rose >= max(DOUBLES, LONE * crests[newest])
+                out = rose >= max(NEAR, LONE * crests[newest])
     if out:
         air[ENTERED] = air[SINCE] = 0.0
         return False

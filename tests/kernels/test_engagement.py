@@ -106,7 +106,7 @@ def test_what_begins_at_once_where_all_was_faint_is_a_tool_that_enters():
 
 
 @pytest.mark.parametrize("heard", [9, 60])
-@pytest.mark.parametrize("rise", [4.5, 20.0])
+@pytest.mark.parametrize("rise", [6.0, 20.0])
 def test_what_begins_at_once_where_nothing_but_noise_was_heard_is_a_tool_that_enters(rise, heard):
     """Before its first cut, too: there is nothing to have risen from but the room, after half a second of it."""
     after = told(room(heard + 4, crest=NOISE), cut(60, AIR + rise))[heard + 4 :]
