@@ -17,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, stats
+from scipy.linalg import lapack
 
 from chatter_monitor.discrepancy.side_by_side import each
 
@@ -161,18 +162,24 @@ class Evidence:
 
 
 def _regress(total: NDArray[np.float64], nuisance: list[int], columns: list[int]) -> Regressed:
-    index = [i + 1 for i in (*nuisance, *columns)]
-    normal, right = total[np.ix_(index, index)], total[index, 0]
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled = normal / np.outer(size, size) + _TINY * np.eye(len(index))
+    """Least squares by a Cholesky factor U'U of the products, whose leading block is that of the nuisance alone."""
+    index = np.array([-1, *nuisance, *columns]) + 1
+    products = total[index[:, None], index]
+    normal, right = products[1:, 1:], products[1:, 0]
     k = len(nuisance)
-    factor = linalg.cho_factor(scaled)
-    solution = linalg.cho_solve(factor, right / size)
-    inverse = linalg.cho_solve(factor, np.eye(len(index)))
-    alone = linalg.solve(scaled[:k, :k], (right / size)[:k], assume_a="pos") if k else np.zeros(0)
-    gain = 0.5 * float((right / size) @ solution - (right / size)[:k] @ alone)
-    sd = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / size
-    return Regressed(solution[k:] / size[k:], sd[k:], gain, solution / size)
+    size = np.sqrt(np.maximum(normal.diagonal(), 1e-300))
+    scaled = normal / (size[:, None] * size)
+    scaled.flat[:: size.size + 1] += _TINY
+    factor, failed = lapack.dpotrf(scaled)
+    if failed:
+        msg = f"products of columns are not positive definite: the {failed}th leading minor"
+        raise linalg.LinAlgError(msg)
+    inverse, _ = lapack.dtrtri(factor)
+    coordinates = (right / size) @ inverse
+    solution = inverse @ coordinates / size
+    gain = 0.5 * float(coordinates[k:] @ coordinates[k:])
+    sd = np.sqrt(np.sum(inverse[k:] ** 2, axis=1)) / size[k:]
+    return Regressed(solution[k:], sd, gain, solution)
 
 
 def _rest(total: NDArray[np.float64], coefficients: Vector, columns: Sequence[int]) -> float:

@@ -10,7 +10,6 @@ being a finding. Periodogram ordinates are exponentially distributed about S, so
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +18,7 @@ from scipy import signal as dsp
 
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.kernels.density import add_noise, respond
 from chatter_monitor.physics.parts import Mode
 
 Vector = NDArray[np.float64]
@@ -113,15 +113,6 @@ def periodogram(recorded: Recorded, width_hz: float) -> Periodogram:
     return Periodogram(frequency, ordinates.mean(axis=1), np.full(bins, group * effective), nyquist)
 
 
-def receptance_of(modes: Sequence[Mode], s: NDArray[np.complexfloating], square: Vector) -> NDArray[np.complexfloating]:
-    """Displacement for a force at frequencies s = j w, with their squares, -w^2."""
-    receptance = np.zeros(s.size, dtype=np.complex128)
-    for mode in modes:
-        stiffness = square + mode.omega**2 + (2.0 * mode.damping_ratio * mode.omega) * s
-        receptance += mode.participation**2 / stiffness
-    return receptance
-
-
 class _Density:
     """Logarithm of S as a function of a vector.
 
@@ -132,15 +123,17 @@ class _Density:
     def __init__(self, start: Linear, spectrum: Periodogram, colours: int, fixed_modes: bool) -> None:
         self.start, self.spectrum = start, spectrum
         f = spectrum.frequency_hz
-        self.s = 2j * np.pi * f
-        self.square = -((2.0 * np.pi * f) ** 2)
+        s = 2j * np.pi * f
+        self.sensed = np.abs(s) ** (2 * ("displacement", "velocity", "acceleration").index(_measured(start)))
+        if start.quantity == "pressure":
+            self.sensed = self.sensed * np.abs(s / (s + 2.0 * np.pi * start.low_cut_hz)) ** 2
         self.cosines = np.cos(np.pi * np.outer(np.arange(colours + 1), f / spectrum.nyquist_hz))
         self.step_hz = np.gradient(f)
         self.modes = 0 if fixed_modes else len(start.modes)
         self.corner_at = max(3 * self.modes - 1, 0)
         self.regeneration_at = self.corner_at + (start.corner_hz is not None)
         self.noise_at = self.regeneration_at + (start.delay_s is not None)
-        self.lag = np.exp(-self.s * start.delay_s) if start.delay_s is not None else None
+        self.lag = np.exp(-s * start.delay_s) if start.delay_s is not None else np.zeros(0, np.complex128)
 
     @property
     def zero(self) -> Vector:
@@ -189,32 +182,28 @@ class _Density:
 
     def response(self, linear: Linear) -> Vector:
         """Squared response of what the sensor measures to the force."""
-        s = self.s
-        receptance = receptance_of(linear.modes, s, self.square)
-        if self.lag is not None:
-            receptance /= 1.0 + linear.regeneration * linear.modes[0].omega ** 2 * (1.0 - self.lag) * receptance
-        moved = {"displacement": np.ones(1), "velocity": s, "acceleration": self.square, "pressure": self.square}
-        response = receptance * moved[linear.quantity]
-        if linear.quantity == "pressure":
-            response *= s / (s + 2.0 * np.pi * linear.low_cut_hz)
-        squared = response.real**2 + response.imag**2
-        if linear.corner_hz is not None:
-            squared /= 1.0 + (self.spectrum.frequency_hz / linear.corner_hz) ** 4
-        return np.asarray(squared)
+        modes = np.array([(mode.omega, mode.damping_ratio, mode.participation) for mode in linear.modes])
+        squared = np.empty(self.spectrum.frequency_hz.size)
+        corner_hz = math.inf if linear.corner_hz is None else linear.corner_hz
+        respond(self.spectrum.frequency_hz, self.sensed, modes, linear.regeneration, self.lag, corner_hz, squared)
+        return squared
 
     def noise(self, linear: Linear) -> float:
         """Density of the noise over that of the force."""
-        return self._share(linear, self.response(linear))
-
-    def _share(self, linear: Linear, response: Vector) -> float:
-        return linear.noise * float(response @ self.step_hz) / self.spectrum.nyquist_hz
+        return linear.noise * float(self.response(linear) @ self.step_hz) / self.spectrum.nyquist_hz
 
     def __call__(self, vector: Vector) -> Vector:
         """Log S at the bins of the periodogram."""
         linear = self.linear(vector)
         response = self.response(linear)
-        noise = self._share(linear, response)
-        return np.asarray(np.log(response + noise) + vector[self.noise_at + 1 :] @ self.cosines)
+        colour = vector[self.noise_at + 1 :] @ self.cosines
+        add_noise(response, self.step_hz, linear.noise / self.spectrum.nyquist_hz, colour, response)
+        return response
+
+
+def _measured(linear: Linear) -> str:
+    """What the sensor measures, but for its own response: pressure follows the acceleration."""
+    return "acceleration" if linear.quantity == "pressure" else linear.quantity
 
 
 def log_density(linear: Linear, frequency_hz: Vector, nyquist_hz: float) -> Vector:

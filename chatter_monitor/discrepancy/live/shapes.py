@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy.live.refit import SEPARATE
 from chatter_monitor.discrepancy.observer import Linear
-from chatter_monitor.discrepancy.spectrum import log_density, receptance_of
+from chatter_monitor.discrepancy.spectrum import log_density
 from chatter_monitor.physics.parts import Mode
 
 # Of the other mode's response at its resonance over that of the machine there. Between two resonances the two are a
@@ -39,7 +39,10 @@ def of_another_mode(linear: Linear, rate_hz: float, bands: int) -> NDArray[np.fl
     main = linear.modes[0]
     apart = [abs(at - mode.frequency_hz) > SEPARATE * mode.damping_ratio * mode.frequency_hz for mode in linear.modes]
     w = 2.0 * np.pi * at
-    loud = LOUDNESS * np.abs(receptance_of(linear.modes, 1j * w, -(w**2)))
+    receptance = sum(
+        m.participation**2 / (m.omega**2 - w**2 + 2j * m.damping_ratio * m.omega * w) for m in linear.modes
+    )
+    loud = LOUDNESS * np.abs(receptance)
     participation = np.sqrt(loud * 2.0 * main.damping_ratio * w**2)  # squared, over its impedance at resonance
     now = log_density(linear, at, nyquist_hz)
     shapes = []
