@@ -10,7 +10,7 @@ import numpy as np
 from chatter_monitor.discrepancy.above import named_above
 from chatter_monitor.discrepancy.account import alternatives, calibration, held_out_fit, information, one_cut
 from chatter_monitor.discrepancy.augment import Augmented, Start, augment, calibrated, fullest
-from chatter_monitor.discrepancy.case import SURE, Case
+from chatter_monitor.discrepancy.case import SURE, Case, Local
 from chatter_monitor.discrepancy.columns import beside
 from chatter_monitor.discrepancy.diagnosis import offset_beside
 from chatter_monitor.discrepancy.faults import restlessness
@@ -29,6 +29,7 @@ from chatter_monitor.discrepancy.innovations import Diverged
 from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
 from chatter_monitor.discrepancy.name import MOST_TERMS, PRICE_NATS, Scored
 from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.discrepancy.partial import above, applied_there, in_stretch, regressed, without_it
 from chatter_monitor.discrepancy.report import Finding, Fit, Located, Report, Verdict
 from chatter_monitor.discrepancy.unnamed import POWERS_AND_SIDES, Unnamed, examine_rest, out_of_range
 from chatter_monitor.discrepancy.whereabouts import MAPPED_P, whereabouts
@@ -111,7 +112,7 @@ def conclude(case: Case) -> Diagnosis:
     rest = restlessness(case.explained(), case.telling, case.recorded.rate_hz)
     if rest.kind is not None:
         findings.append(plain(rest.kind, None, {}, rest.gain_nats, rest.p_value))
-    augmented, left = None, None
+    augmented, left, partly = None, None, False
     delayed = list(case.innovations.terms[len(case.system.terms) :])
     fullest = _fullest(case) if case.named else None
     if case.named and fullest is None:
@@ -133,11 +134,14 @@ def conclude(case: Case) -> Diagnosis:
             except Diverged:
                 pass  # then the first has to do
         case.threshold = named_above(case)
-        for scored, parameters in zip(case.named, augmented.parameters, strict=True):
+        begun = _begun(case, augmented)
+        partly = begun is not None
+        for scored, parameters in zip(case.named, (begun or augmented).parameters, strict=True):
             findings.append(of_term(scored, parameters))
         if not _begins(case, left):
             strange += _other_laws(case, augmented, left)
         case.offset_p = offset_beside(case, augmented.innovations, augmented.system.terms[-len(case.named) :])
+        augmented = begun or augmented
     elif delayed or omissions:
         terms = [*case.system.terms, *delayed]
         augmented = Augmented(calibrated(case, linear, terms), case.innovations, [], [], omissions[0].gain_nats)
@@ -147,7 +151,9 @@ def conclude(case: Case) -> Diagnosis:
         if not is_harmonic(case, o) and not (o.name == "regenerative_delay" and leaves_cut)
     ]
     if case.local is not None and len(case.local.as_likely) == 1:
-        findings.append(of_local(case, case.local))
+        finding, there = _there(case, case.local, augmented, base)
+        findings.append(finding)
+        augmented, partly = there or augmented, there is not None
     elif case.local is not None:
         names = " and ".join(IN_WORDS[each.name] for each in case.local.as_likely)
         strange.append(f"{_TIED} {case.local.where} only: {names} explain it about equally")
@@ -172,15 +178,15 @@ def conclude(case: Case) -> Diagnosis:
         verdict = "parameters" if retuned else "none"
     if verdict == "unknown" and findings:
         warnings.append(f"Named, but not all that is there: {', '.join(f.name for f in findings)}.")
-    if verdict == "missing_physics" and any(_where(case, finding) for finding in findings):
-        has = "has this one all along" if case.local is None else "is the machine without this one"
-        warnings.append(f"A model file has no force that acts in a part only: model.toml {has}.")
+    if verdict == "missing_physics" and not partly and any(_where(case, finding) for finding in findings):
+        has = "has this force all along" if case.local is None else "is the machine without this force"
+        warnings.append(f"No model that begins or ends there was found: model.toml {has}.")
     if verdict == "parameters":
         warnings += one_cut(case)
     where = whereabouts(case, findings, strange)
     report = Report(
         verdict,
-        _summary(case, verdict, findings, strange),
+        _summary(case, verdict, findings, strange, augmented),
         where,
         findings if verdict != "unknown" else [],
         alternatives(case, findings if verdict != "unknown" else []),
@@ -265,6 +271,39 @@ def _begins(case: Case, left: Unnamed) -> bool:
     return case.threshold is not None and case.threshold.gain_nats > max(others)
 
 
+def _begun(case: Case, augmented: Augmented) -> Augmented | None:
+    """The model in which the one named force begins at an amplitude; None if it does not, or is none better."""
+    if case.threshold is None:
+        return None
+    try:
+        fitted, threshold = above(case, augmented.system.terms[-1], case.threshold, augmented.innovations.linear)
+    except Diverged:
+        return None
+    if fitted.gain_nats < augmented.gain_nats:
+        return None
+    case.threshold = threshold
+    return fitted
+
+
+def _there(
+    case: Case, local: Local, augmented: Augmented | None, base: MachiningSystem
+) -> tuple[Finding, Augmented | None]:
+    """What acts in a part as a finding, and the model with it; None if there is none."""
+    fit = regressed(case)
+    applied = applied_there(local, fit)
+    if applied is not None and local.between_s is not None:
+        before = augmented or Augmented(base, case.innovations, [], [], local.as_likely[0].evidence_nats)
+        return of_local(local, fit), replace(before, system=in_stretch(before.system, applied, local.between_s))
+    if applied is None or local.threshold is None or case.named:
+        return of_local(local, fit), None
+    try:
+        fitted, threshold = above(case, applied, local.threshold, without_it(case.innovations.linear, fit))
+    except Diverged:
+        return of_local(local, fit), None
+    case.local = replace(local, threshold=threshold)
+    return of_local(case.local, fit, fitted.parameters[0]), fitted
+
+
 def _other_laws(case: Case, augmented: Augmented, left: Unnamed) -> list[str]:
     """Names whose law is not quite that of the recording, in words."""
     strange: list[str] = []
@@ -317,10 +356,13 @@ def _where(case: Case, finding: Finding) -> str:
     return ""
 
 
-def _summary(case: Case, verdict: Verdict, findings: Sequence[Finding], strange: Sequence[str]) -> str:
-    after = calibration(case).after
-    mode = after["mode.1.frequency_hz"].value, 100.0 * after["mode.1.damping_ratio"].value
-    tuned = f"The mode is at {mode[0]:.4g} Hz with {mode[1]:.3g} % damping."
+def _summary(
+    case: Case, verdict: Verdict, findings: Sequence[Finding], strange: Sequence[str], augmented: Augmented | None
+) -> str:
+    beside = augmented if verdict == "missing_physics" else None
+    mode = beside.system.modes[0] if beside else case.base.fitted.linear.modes[0]
+    where = f"at {mode.frequency_hz:.4g} Hz with {100.0 * mode.damping_ratio:.3g} % damping."
+    tuned = f"{'Beside it the' if beside else 'The'} mode is {where}"
     if case.base.quantity != case.system.sensor.quantity:
         tuned += f" The recording looks like {case.base.quantity}, not like {case.system.sensor.quantity}."
     match verdict:

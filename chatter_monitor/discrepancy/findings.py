@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from chatter_monitor.discrepancy.case import Case, Local
+from chatter_monitor.discrepancy.evidence import Regressed
 from chatter_monitor.discrepancy.faults import Clipping, Line
 from chatter_monitor.discrepancy.linear import Omission
 from chatter_monitor.discrepancy.name import Scored
@@ -130,16 +131,14 @@ def of_term(scored: Scored, parameters: dict[str, tuple[float, float]]) -> Findi
     return Finding(term.name, sense, estimates, float(scored.evidence_nats), float(scored.p_value), why)
 
 
-def of_local(case: Case, local: Local) -> Finding:
-    """A term that acts in a part of the recording, or above an amplitude."""
-    columns = case.columns["local"]
-    with case.contest.instead([column for column in case.evidence.nuisance if column not in columns]) as evidence:
-        fit = evidence.regress(columns)
-    known = local.candidate.term.parameters if local.candidate else ()
-    parameters = {
-        known[i].name: estimate(value, sd, known[i].unit)
-        for i, value, sd in zip(local.units, fit.coefficients, fit.sd, strict=False)
-    }
+def of_local(local: Local, fit: Regressed, fitted: dict[str, tuple[float, float]] | None = None) -> Finding:
+    """A term that acts in a part of the recording, or above an amplitude; by the regression, or fitted fully."""
+    term = local.candidate.term if local.candidate else None
+    known = {p.name: p.unit for p in term.parameters} if term else {}
+    names = list(known)
+    both = zip(local.units, fit.coefficients, fit.sd, strict=False)
+    found = fitted or {names[i]: (value, sd) for i, value, sd in both}
+    parameters = {name: estimate(*pair, known[name]) for name, pair in found.items()}
     name = local.as_likely[0].name
     sense = None
     if name in SENSES:

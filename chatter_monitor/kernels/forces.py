@@ -47,6 +47,17 @@ def _lanes(x, v, lagged, angle, w, memory, p, apart, n, out):
         out[j] = law(x, v, lagged, angle, w, memory[j], parameters)  # type: ignore[name-defined] # noqa: F821
 
 
+def _gated(x, v, lagged, angle, w, memory, p):
+    if x * x + v * v / (w * w) < p[last] * p[last]:  # type: ignore[name-defined] # noqa: F821
+        return 0.0
+    return law(x, v, lagged, angle, w, memory, p)  # type: ignore[name-defined] # noqa: F821
+
+
+def above_amplitude(function: Callable[..., float], last: int) -> Callable[..., float]:
+    """The term's function where the amplitude sqrt(x^2 + (v / w)^2) is at least its parameter number `last`, else 0."""
+    return _around(function, _gated, last=last)
+
+
 def compile_row(function: Callable[..., float]) -> Any:
     """Compile a term's function for `call_row`: inlined into a loop, which the compiler turns into vector operations.
 
@@ -55,7 +66,7 @@ def compile_row(function: Callable[..., float]) -> Any:
     function : callable
         As for `compile_force`.
     """
-    return cfunc(_ROW_SIGNATURE, cache=True)(_inlined(function, _row))
+    return cfunc(_ROW_SIGNATURE, cache=True)(_around(function, _row))
 
 
 def compile_lanes(function: Callable[..., float]) -> Any:
@@ -66,19 +77,23 @@ def compile_lanes(function: Callable[..., float]) -> Any:
     function : callable
         As for `compile_force`.
     """
-    return cfunc(_LANES_SIGNATURE, cache=True)(_inlined(function, _lanes))
+    return cfunc(_LANES_SIGNATURE, cache=True)(_around(function, _lanes))
 
 
-def _inlined(function: Callable[..., float], loop: Callable[..., None]) -> FunctionType:
-    """A loop over a term's function.
+def _around(function: Callable[..., float], outer: Callable[..., Any], **known: int) -> FunctionType:
+    """A function that calls a term's function by the name `law`, and knows some numbers.
 
-    Numba finds what it has compiled before by the file, the line and the name of a function: the loop gets those of
-    the term's function.
+    Numba finds what it has compiled before by the file, the line and the name of a function: this one gets those of
+    the term's function, with its own name before it.
     """
     of = function.__code__
-    code = loop.__code__.replace(co_filename=of.co_filename, co_firstlineno=of.co_firstlineno)
+    code = outer.__code__.replace(
+        co_filename=of.co_filename,
+        co_firstlineno=of.co_firstlineno,
+        co_qualname=f"{outer.__name__}_{of.co_qualname}",
+    )
     law = njit(error_model="numpy", fastmath={"contract", "nsz"})(function)
-    return FunctionType(code, {"law": law, "__name__": function.__module__})
+    return FunctionType(code, {"law": law, "__name__": function.__module__, **known})
 
 
 def _call_at(context, builder, signature, arguments):

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Cut, Drift, Excitation, Mode, Sensor, Spindle
-from chatter_monitor.physics.terms import CATALOGUE, Term
+from chatter_monitor.physics.terms import ABOVE, CATALOGUE, Term
 
 Part = TypeVar("Part")
 Table = Mapping[str, Any]
@@ -143,6 +143,8 @@ def _applied_term(table: Table, where: str, catalogue: Mapping[str, Term]) -> Ap
             remedy=_nearest(str(name), catalogue),
         )
     term = catalogue[name]
+    if ABOVE.name in table and not term.needs_spindle:
+        term = term.above_amplitude
     values = _checked(table, ["name", *(parameter.name for parameter in term.parameters)], f"{where} ({name})")
     del values["name"]
     with _Located(where):

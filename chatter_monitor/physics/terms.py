@@ -18,12 +18,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
-from chatter_monitor.kernels.forces import compile_force, compile_lanes, compile_row
+from chatter_monitor.kernels.forces import above_amplitude, compile_force, compile_lanes, compile_row
 
 Force = Callable[[float, float, float, float, float, float, Sequence[float]], float]
 
@@ -113,6 +113,18 @@ class Term:
         return self.delayed or self.periodic
 
     @cached_property
+    def above_amplitude(self) -> Term:
+        """The same force, but only where the amplitude is at least one more parameter, `ABOVE`."""
+        last = len(self.parameters)
+        return replace(
+            self,
+            equation=f"{self.equation} where x^2 + (v / w)^2 >= {ABOVE.name}^2",
+            parameters=(*self.parameters, ABOVE),
+            force=above_amplitude(self.force, last),
+            smooth=False,
+        )
+
+    @cached_property
     def compiled_force(self) -> Any:
         """The force as a C function, compiled at first use; kernels take its ``address``."""
         return compile_force(self.force)
@@ -131,6 +143,9 @@ class Term:
     def compiled_lanes(self) -> Any:
         """The rate of many internal states beside each other as a C function; None for terms without memory."""
         return None if self.memory_rate is None else compile_lanes(self.memory_rate)
+
+
+ABOVE = Parameter("above", "u", "amplitude from which on the force acts", lower=0.0)
 
 
 def _positive(name: str, unit: str, meaning: str, default: float | None = None) -> Parameter:

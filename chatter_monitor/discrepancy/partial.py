@@ -1,0 +1,74 @@
+"""Models with a force that acts above an amplitude, or in a stretch of the recording, only; `simulate` runs them.
+
+Above an amplitude the force goes through the nonlinear filter with its amplitude beside its coefficients and the mode,
+as forces do that act all along: the machine of the whole recording has a part of it in its stiffness and damping.
+In a stretch the machine is known from the rest of the recording, and the regression has the coefficients.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from chatter_monitor.discrepancy.augment import Augmented, augment
+from chatter_monitor.discrepancy.case import Case, Local, Threshold
+from chatter_monitor.discrepancy.evidence import Regressed
+from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.physics.model import MachiningSystem
+from chatter_monitor.physics.parts import AppliedTerm, Drift
+from chatter_monitor.physics.terms import ABOVE
+
+EDGE_S = 1e-3  # within which a force sets in and ceases
+
+
+def regressed(case: Case) -> Regressed:
+    """Coefficients of what acts in a part, beside all else that is fitted."""
+    columns = case.columns["local"]
+    with case.contest.instead([column for column in case.evidence.nuisance if column not in columns]) as evidence:
+        return evidence.regress(columns)
+
+
+def applied_there(local: Local, fit: Regressed) -> AppliedTerm | None:
+    """The force that acts in a part, by the regression; None if it is a spring and a damper that change there."""
+    if local.candidate is None:
+        return None
+    found = dict(zip(local.units, fit.coefficients, strict=False))
+    coefficients = [float(found.get(i, 0.0)) for i in local.candidate.linear]
+    return AppliedTerm(local.candidate.term, local.candidate.with_coefficients(coefficients))
+
+
+def without_it(linear: Linear, fit: Regressed) -> Linear:
+    """The machine without what it has in its stiffness and damping of a force above an amplitude."""
+    spring, damper = fit.all_coefficients[:2]
+    return linear.beside(float(spring), float(damper)) if len(linear.modes) == 1 else linear
+
+
+def above(case: Case, applied: AppliedTerm, threshold: Threshold, linear: Linear) -> tuple[Augmented, Threshold]:
+    """Fit a force that begins at an amplitude, from a machine without it; the model, and where the force begins.
+
+    The interval of that amplitude is the likelihood's over it in the regression: slopes, which see nothing of what a
+    small change of a border leaves on the same side of it, promise too much.
+
+    Raises
+    ------
+    Diverged
+        If the model runs away from the recording.
+    """
+    begun = AppliedTerm(applied.term.above_amplitude, {**applied.parameters, ABOVE.name: threshold.above})
+    fitted = augment(case, [begun], linear)
+    (parameters,) = fitted.parameters
+    amplitude, _ = parameters.pop(ABOVE.name)
+    low, high = threshold.ci95
+    return fitted, replace(threshold, above=amplitude, ci95=(min(low, amplitude), max(high, amplitude)))
+
+
+def in_stretch(system: MachiningSystem, applied: AppliedTerm, between_s: tuple[float, float]) -> MachiningSystem:
+    """The machine with a force that is there in a stretch only."""
+    begins, ends = between_s
+    at = (begins - EDGE_S, begins, ends, ends + EDGE_S)
+    number = len(system.terms) + 1
+    drifts = tuple(
+        Drift(f"term.{number}.{p.name}", at, (0.0, value, value, 0.0))
+        for p, value in zip(applied.term.parameters, applied.values, strict=True)
+        if p.linear
+    )
+    return replace(system, terms=(*system.terms, applied), drifts=(*system.drifts, *drifts))
