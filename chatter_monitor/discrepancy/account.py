@@ -9,6 +9,7 @@ import numpy as np
 
 from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.findings import estimate
+from chatter_monitor.discrepancy.known import coefficients
 from chatter_monitor.discrepancy.locate import whiteness_p
 from chatter_monitor.discrepancy.report import Alternative, Calibration, Estimate, Finding, Fit, Information
 
@@ -76,7 +77,7 @@ def held_out_fit(case: Case) -> Fit:
 def one_cut(case: Case) -> list[str]:
     """What one recording cannot say about a damping ratio above that of the model."""
     given, fitted = case.system.modes[0].damping_ratio, case.base.fitted
-    ratio, sd = fitted.linear.modes[0].damping_ratio, float(fitted.sd[1])
+    ratio, sd = case.base.machine.modes[0].damping_ratio, float(fitted.sd[1])
     if ratio * math.exp(-3.0 * sd) <= given:
         return []
     return [
@@ -86,15 +87,22 @@ def one_cut(case: Case) -> list[str]:
 
 
 def calibration(case: Case) -> Calibration:
-    """Modes as given and as fitted."""
+    """Modes, and coefficients of the forces that the model has, as given and as fitted."""
     before: dict[str, float] = {}
     after: dict[str, Estimate] = {}
     fitted = case.base.fitted
     at = 0
-    for i, (given, now) in enumerate(zip(case.system.modes, fitted.linear.modes, strict=False), 1):
+    for i, (given, now) in enumerate(zip(case.system.modes, case.base.machine.modes, strict=False), 1):
         before[f"mode.{i}.frequency_hz"] = given.frequency_hz
         before[f"mode.{i}.damping_ratio"] = given.damping_ratio
         after[f"mode.{i}.frequency_hz"] = estimate(now.frequency_hz, now.frequency_hz * fitted.sd[at], "Hz")
         after[f"mode.{i}.damping_ratio"] = estimate(now.damping_ratio, now.damping_ratio * fitted.sd[at + 1], "1")
         at += 2 + (i > 1)
+    if not case.system.terms or not case.columns:
+        return Calibration(before, after)
+    given_terms = (case.uncorrected or case.system).terms
+    for (number, name), pair in coefficients(case).items():
+        unit = next(p.unit for p in given_terms[number].term.parameters if p.name == name)
+        before[f"term.{number + 1}.{name}"] = given_terms[number].parameters[name]
+        after[f"term.{number + 1}.{name}"] = estimate(*pair, unit)
     return Calibration(before, after)

@@ -98,11 +98,13 @@ class Case:
     Attributes
     ----------
     system : MachiningSystem
-        The base model as given.
+        The base model as given, but for coefficients of its forces that do not hold.
     whole, recorded : Recorded
         The recording in units of motion (the gain of the sensor and the mean taken out), and its part within the band.
     but_s : (float, float), optional
         Stretch in which something acts, so that it tells nothing of the machine, the sensor and what excites them.
+    uncorrected : MachiningSystem, optional
+        The base model as given, if coefficients of its forces do not hold.
     """
 
     system: MachiningSystem
@@ -115,6 +117,7 @@ class Case:
     unrest: Restlessness | None = None
     offset_p: float = 1.0
     but_s: tuple[float, float] | None = None
+    uncorrected: MachiningSystem | None = None
     evidence: Evidence = field(init=False)
     contest: Contest = field(init=False)
     matrix: NDArray[np.float64] = field(init=False)

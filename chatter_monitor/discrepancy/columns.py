@@ -16,6 +16,7 @@ from chatter_monitor.discrepancy.faults import restlessness
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.locate import modulation
 from chatter_monitor.discrepancy.name import Contest
+from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import Mode
 from chatter_monitor.physics.terms import Term
 
@@ -37,8 +38,9 @@ def gather(case: Case) -> None:
 
     motion = inn.motion
     case.columns["retuning"] = add("nuisance", basis.retuning(inn))
-    if len(inn.linear.modes) > 1 or case.system.terms:
+    if len(inn.linear.modes) > 1:
         add("nuisance", _retuned(inn))
+    case.columns["known"] = add("nuisance", inn.of_terms([unit for _, _, unit in known_units(case.system)]))
     if inn.linear.delay_s is not None:
         case.columns["lagged"] = add("nuisance", inn.respond([motion.lagged]))
     t = np.arange(recorded.samples.size)
@@ -62,6 +64,21 @@ def gather(case: Case) -> None:
     case.columns |= groups
     case.swing = modulation(inn, weight, matrix[0])
     case.contest, case.matrix = Contest(case.evidence, entries), matrix
+
+
+def known_units(system: MachiningSystem) -> list[tuple[int, str, tuple[Term, tuple[float, ...]]]]:
+    """Forces of a model's terms for one unit of each coefficient: number of the term, name of the coefficient, force.
+
+    Regeneration is none of them: its coefficient is fitted to the spectrum.
+    """
+    found = []
+    for number, applied in enumerate(system.terms):
+        both = list(zip(applied.term.parameters, applied.values, strict=True))
+        for unit, _ in both:
+            if unit.linear and not applied.term.delayed:
+                values = tuple(float(p is unit) if p.linear else value for p, value in both)
+                found.append((number, unit.name, (applied.term, values)))
+    return found
 
 
 def _entries(

@@ -26,6 +26,7 @@ from chatter_monitor.discrepancy.findings import (
     tones_of,
 )
 from chatter_monitor.discrepancy.innovations import Diverged
+from chatter_monitor.discrepancy.known import wrong_coefficients
 from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
 from chatter_monitor.discrepancy.name import MOST_TERMS, PRICE_NATS, Scored
 from chatter_monitor.discrepancy.observer import Linear
@@ -80,7 +81,7 @@ class Diagnosis:
 
 def base_of(case: Case) -> MachiningSystem:
     """The base model, calibrated."""
-    return calibrated(case, case.base.fitted.linear, case.system.terms)
+    return calibrated(case, case.base.machine, case.system.terms)
 
 
 def conclude(case: Case) -> Diagnosis:
@@ -88,6 +89,7 @@ def conclude(case: Case) -> Diagnosis:
     linear = case.innovations.linear
     base = base_of(case)
     retuned = case.base.retuning_p < RETUNED_P or case.base.quantity != case.system.sensor.quantity
+    wrong = wrong_coefficients(case) if case.system.terms and case.columns else []
     findings: list[Finding] = []
     warnings: list[str] = []
     if case.clipped is not None and not case.maps[1:]:
@@ -175,7 +177,7 @@ def conclude(case: Case) -> Diagnosis:
     elif findings:
         verdict = "missing_physics"
     else:
-        verdict = "parameters" if retuned else "none"
+        verdict = "parameters" if retuned or wrong else "none"
     if verdict == "unknown" and findings:
         warnings.append(f"Named, but not all that is there: {', '.join(f.name for f in findings)}.")
     if verdict == "missing_physics" and not partly and any(_where(case, finding) for finding in findings):
@@ -186,7 +188,7 @@ def conclude(case: Case) -> Diagnosis:
     where = whereabouts(case, findings, strange)
     report = Report(
         verdict,
-        _summary(case, verdict, findings, strange, augmented),
+        _summary(case, verdict, findings, strange, augmented, wrong),
         where,
         findings if verdict != "unknown" else [],
         alternatives(case, findings if verdict != "unknown" else []),
@@ -219,7 +221,7 @@ def _fullest(case: Case) -> tuple[Scored, Augmented, list[Omission]] | None:
         # Where a mode more fits the spectrum, the first of the two is nearer to the machine than one mode for both.
         first = replace(inn.linear, modes=inn.linear.modes[:1])
         of_one = len(inn.linear.modes) == 1
-        single = [_retuned(base.fitted.linear, s) if of_one else first for s in alone]
+        single = [_retuned(base.machine, s) if of_one else first for s in alone]
         starts += [Start((_applied(case, s),), lin, case.system.terms) for s, lin in zip(alone, single, strict=True)]
         rivals += alone
     try:
@@ -357,12 +359,19 @@ def _where(case: Case, finding: Finding) -> str:
 
 
 def _summary(
-    case: Case, verdict: Verdict, findings: Sequence[Finding], strange: Sequence[str], augmented: Augmented | None
+    case: Case,
+    verdict: Verdict,
+    findings: Sequence[Finding],
+    strange: Sequence[str],
+    augmented: Augmented | None,
+    wrong: Sequence[str],
 ) -> str:
     beside = augmented if verdict == "missing_physics" else None
-    mode = beside.system.modes[0] if beside else case.base.fitted.linear.modes[0]
+    mode = beside.system.modes[0] if beside else case.base.machine.modes[0]
     where = f"at {mode.frequency_hz:.4g} Hz with {100.0 * mode.damping_ratio:.3g} % damping."
     tuned = f"{'Beside it the' if beside else 'The'} mode is {where}"
+    if wrong:
+        tuned += f" Of the forces in the model, {' and '.join(wrong)}."
     if case.base.quantity != case.system.sensor.quantity:
         tuned += f" The recording looks like {case.base.quantity}, not like {case.system.sensor.quantity}."
     match verdict:

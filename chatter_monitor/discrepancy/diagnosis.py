@@ -22,6 +22,7 @@ from chatter_monitor.discrepancy.faults import (
     slow_drift,
 )
 from chatter_monitor.discrepancy.innovations import Innovations
+from chatter_monitor.discrepancy.known import corrected, linearised
 from chatter_monitor.discrepancy.linear import Base, calibrate, fit_base
 from chatter_monitor.discrepancy.local import find_local
 from chatter_monitor.discrepancy.locate import (
@@ -67,8 +68,14 @@ def examine(whole: Recorded, system: MachiningSystem, progress: Callable[[str], 
     Raises
     ------
     InputError
-        If there is too little to work with.
+        If there is too little to work with, or the model drifts.
     """
+    if system.drifts:
+        raise InputError(
+            "a model that drifts cannot be held against a recording",
+            got=", ".join(drift.parameter for drift in system.drifts),
+            remedy="Leave out [[drift]], and look at stretches in which it changes little (--between).",
+        )
     clipped, at = clipping(whole.samples)
     if clipped is not None and clipped.samples <= MOST_CLIPPED * whole.samples.size:
         whole = replace(whole, missing=whole.missing | at)
@@ -92,19 +99,23 @@ def examine(whole: Recorded, system: MachiningSystem, progress: Callable[[str], 
     whole, recorded = in_band(whole, system)
     progress("calibration")
     given = _given(system)
-    cleaned, tones, offset_p = recorded, list[Line](), 1.0
-    tells_more = clipped is None or clipped.samples <= MOST_CLIPPED * whole.samples.size
-    if tells_more:
-        cleaned, tones, offset_p = _cleaned(recorded, given)
-    base = fit_base(cleaned, given)
+    if clipped is not None and clipped.samples > MOST_CLIPPED * whole.samples.size:
+        base = fit_base(recorded, given)
+        case = Case(system, whole, recorded, base, Innovations(recorded, *_as_model(base, system)), clipped)
+        case.maps = [frequency_map(base.spectrum, base.fitted)[0]]
+        return case
+    cleaned, tones, offset_p = _cleaned(recorded, given)
+    base = _calibrated(cleaned, system)
     progress("innovations")
     innovations = Innovations(cleaned, *_as_model(base, system))
     case = Case(system, whole, cleaned, base, innovations, clipped, tones, offset_p=offset_p)
-    if not tells_more:
-        case.maps = [frequency_map(base.spectrum, base.fitted)[0]]
-        return case
     progress("signatures")
     gather(case)
+    if (better := corrected(case)) is not None:
+        base = _calibrated(cleaned, better)
+        innovations = Innovations(cleaned, *_as_model(base, better))
+        case = Case(better, whole, cleaned, base, innovations, clipped, tones, None, offset_p, uncorrected=system)
+        gather(case)
     progress("names")
     _look(case)
     if case.local is not None and case.local.between_s is not None:
@@ -122,7 +133,20 @@ def in_band(whole: Recorded, system: MachiningSystem) -> tuple[Recorded, Recorde
 
 def _given(system: MachiningSystem) -> Linear:
     sensor = system.sensor
-    return Linear(system.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, system.spindle)
+    given = Linear(system.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, system.spindle)
+    delayed = [applied for applied in system.terms if applied.term.delayed]
+    if delayed and system.spindle is not None:
+        given = replace(given, delay_s=system.spindle.delay_s, regeneration=delayed[0].parameters["coefficient"])
+    return given
+
+
+def _calibrated(recorded: Recorded, system: MachiningSystem) -> Base:
+    """The linear base, fitted beside the forces of the model."""
+    given = _given(system)
+    if not system.terms:
+        return fit_base(recorded, given)
+    beside, known = linearised(recorded, calibrate(recorded, given).linear, system.terms)
+    return fit_base(beside, given, known)
 
 
 def _cleaned(recorded: Recorded, given: Linear) -> tuple[Recorded, list[Line], float]:
@@ -185,12 +209,13 @@ def _asked_again(case: Case, recorded: Recorded, between_s: tuple[float, float])
     rest = without(cleaned, between_s)
     if rest is None:
         return case
-    base = fit_base(rest, _given(case.system))
+    base = _calibrated(rest, case.system)
     model = _as_model(base, case.system)
     innovations = Innovations(cleaned, *model, Innovations(rest, *model).taps)
     again = Case(
-        case.system, case.whole, cleaned, base, innovations, case.clipped, case.tones, None, offset_p, between_s
-    )
+        case.system, case.whole, cleaned, base, innovations, case.clipped, case.tones, None, offset_p, between_s,
+        case.uncorrected,
+    )  # fmt: skip
     gather(again)
     _look(again)
     return case if again.local is None else again
@@ -203,7 +228,9 @@ def _as_model(base: Base, system: MachiningSystem) -> tuple[Linear, list[Applied
         speed = 60.0 / (linear.spindle.teeth * linear.delay_s)
         linear = replace(linear, spindle=replace(linear.spindle, speed_rpm=speed))
         coefficient = {"coefficient": max(linear.regeneration, 0.0)}
-        terms.append(AppliedTerm(CATALOGUE["regenerative_delay"], coefficient))
+        if not system.delayed:
+            terms.append(AppliedTerm(CATALOGUE["regenerative_delay"], coefficient))
+        terms = [replace(a, parameters={**a.parameters, **coefficient}) if a.term.delayed else a for a in terms]
     return linear, terms
 
 

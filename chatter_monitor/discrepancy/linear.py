@@ -54,6 +54,8 @@ class Base:
     alternatives : list of (str, float)
         Linear omissions that were tried, with their gain.
     spectrum : Periodogram
+    known : (float, float)
+        Spring and damper that forces of the model file stand for in the spectrum (`known.equivalent`).
     """
 
     given: SpectralFit
@@ -62,14 +64,24 @@ class Base:
     quantity: Quantity
     alternatives: list[tuple[str, float]]
     spectrum: Periodogram
+    known: tuple[float, float] = (0.0, 0.0)
 
     @property
     def linear(self) -> Linear:
-        """With the omissions that change the linear machine."""
+        """With the omissions that change the linear machine, beside the forces of the model file."""
         for omission in self.omissions:
             if omission.name in MECHANICAL:
-                return omission.fit.linear
-        return self.fitted.linear
+                return self._beside_known(omission.fit.linear)
+        return self.machine
+
+    @property
+    def machine(self) -> Linear:
+        """The fitted machine beside the forces of the model file."""
+        return self._beside_known(self.fitted.linear)
+
+    def _beside_known(self, linear: Linear) -> Linear:
+        spring, damper = self.known
+        return linear.beside(-spring, -damper) if self.known != (0.0, 0.0) else linear
 
     @property
     def retuning_p(self) -> float:
@@ -78,7 +90,7 @@ class Base:
         return float(stats.chi2.sf(2.0 * max(self.given.nll - self.fitted.nll, 0.0), freedom))
 
 
-def fit_base(recorded: Recorded, given: Linear) -> Base:
+def fit_base(recorded: Recorded, given: Linear, known: tuple[float, float] = (0.0, 0.0)) -> Base:
     """Calibrate the linear base and look for what it lacks.
 
     Parameters
@@ -87,7 +99,11 @@ def fit_base(recorded: Recorded, given: Linear) -> Base:
         Within its band.
     given : Linear
         As in the model file.
+    known : (float, float)
+        Spring and damper that forces of the model file stand for.
     """
+    if known != (0.0, 0.0):
+        given = given.beside(*known)
     spectrum = _spectrum(recorded, given)
     as_given = fit(spectrum, given, fixed_modes=True)
     fitted = _fitted(spectrum, given)
@@ -106,7 +122,7 @@ def fit_base(recorded: Recorded, given: Linear) -> Base:
             if omission.gain_nats > NEEDED_NATS and _lasting(recorded, fitted, omission):
                 omissions.append(omission)
     omissions.sort(key=lambda each: -each.gain_nats)
-    return Base(as_given, fitted, omissions[:1], quantity, alternatives, spectrum)
+    return Base(as_given, fitted, omissions[:1], quantity, alternatives, spectrum, known)
 
 
 def calibrate(recorded: Recorded, given: Linear) -> SpectralFit:
@@ -203,7 +219,7 @@ def _coloured(spectrum: Periodogram, base: SpectralFit) -> Omission | None:
 def _regeneration(spectrum: Periodogram, base: SpectralFit) -> Omission | None:
     """The delayed spring at the spindle's delay, against the same at delays that are none of the spindle's."""
     spindle = base.linear.spindle
-    if spindle is None:
+    if spindle is None or base.linear.delay_s is not None:
         return None
 
     def at(delay_s: float) -> SpectralFit:

@@ -167,16 +167,20 @@ def true_gain(file: Path, model: Path, truth: Mapping[str, Any]) -> float:
         one stretch, or ``amplitude_above``.
     """
     system = read_model(model)
+    mode = Mode(truth["frequency_hz"], truth["damping_ratio"])
+    true = replace(with_hidden(system, truth), modes=(mode,))
+    begin_end = truth.get("time_s") or [None]
+    return gain_of(_read(file, 0, None), system, true, begin_end[0], truth.get("amplitude_above"))
+
+
+def with_hidden(system: MachiningSystem, truth: Mapping[str, Any]) -> MachiningSystem:
+    """A base model with the one term that is hidden from it, as for `true_gain`; its modes stay."""
     term = CATALOGUE[truth["names"][0]]
     unsaid = {p.name: 0.0 if p.linear else 1.0 for p in term.parameters if p.default is None}
-    applied = AppliedTerm(term, unsaid | truth["parameters"])
-    mode = Mode(truth["frequency_hz"], truth["damping_ratio"])
     spindle = system.spindle
     if term.delayed and spindle is not None:
         spindle = replace(spindle, speed_rpm=60.0 / (spindle.teeth * truth["amplitude"][1]))
-    true = replace(system, modes=(mode,), terms=(*system.terms, applied), spindle=spindle)
-    begin_end = truth.get("time_s") or [None]
-    return gain_of(_read(file, 0, None), system, true, begin_end[0], truth.get("amplitude_above"))
+    return replace(system, terms=(*system.terms, AppliedTerm(term, unsaid | truth["parameters"])), spindle=spindle)
 
 
 def lines(report: Report) -> list[str]:

@@ -98,6 +98,36 @@ def test_compiled_force_is_the_python_force_and_linear_where_it_says_so(term):
     np.testing.assert_allclose(twice, 2.0 * out, rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.parametrize("term", [term for term in CATALOGUE.values() if not term.needs_spindle], ids=lambda t: t.name)
+def test_above_an_amplitude_a_force_is_what_it_was_and_below_it_nothing(term):
+    """Compiled and in Python, at a state within and a state beyond; and it is another function than all along."""
+    above = term.above_amplitude
+    p = (*(0.3 for _ in term.parameters), 1.5)
+    out = np.empty(2)
+    x, v = np.array([1.0, 1.0]), np.array([1.0, 2.0]) * W
+    nothing = np.zeros(2)
+    force_along(above.compiled_force.address, x, v, nothing, nothing, W, nothing + 0.2, np.array(p), out)
+    expected = term.force(x[1], v[1], 0.0, 0.0, W, 0.2, p[:-1])
+    assert (out[0], out[1]) == (0.0, pytest.approx(expected, rel=1e-12))
+    assert above.force(x[1], v[1], 0.0, 0.0, W, 0.2, p) == pytest.approx(expected, rel=1e-12)
+    force_along(term.compiled_force.address, x, v, nothing, nothing, W, nothing + 0.2, np.array(p), out)
+    assert out[0] == pytest.approx(term.force(x[0], v[0], 0.0, 0.0, W, 0.2, p[:-1]), rel=1e-12)
+
+
+def test_a_force_above_an_amplitude_travels_through_a_model_file(tmp_path):
+    """The amplitude is a parameter of the term in the file; a force of the spindle has none."""
+    applied = AppliedTerm(CATALOGUE["clearance"].above_amplitude, {"coefficient": 0.2, "gap": 0.5, "above": 1.2})
+    system = MachiningSystem((Mode(100.0, 0.02),), (applied,))
+    file = tmp_path / "model.toml"
+    file.write_text(model_text(system), encoding="utf-8")
+    again = read_model(file).terms[0]
+    assert again.parameters == applied.parameters
+    assert again.term.equation == applied.term.equation
+    file.write_text(model_text(system).replace("clearance", "periodic_forcing"), encoding="utf-8")
+    with pytest.raises(InputError, match="above"):
+        read_model(file)
+
+
 def test_hysteresis_sticks_then_slips():
     """Bouc-Wen: the state follows small motions, saturates at the yield displacement, and its loop takes energy."""
     term = CATALOGUE["hysteresis"]
