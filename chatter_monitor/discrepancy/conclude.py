@@ -3,49 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from chatter_monitor.discrepancy.above import named_above
 from chatter_monitor.discrepancy.account import alternatives, calibration, held_out_fit, information, one_cut
-from chatter_monitor.discrepancy.augment import Augmented, Start, augment, calibrated, fullest
-from chatter_monitor.discrepancy.case import SURE, Case, Local
-from chatter_monitor.discrepancy.columns import beside
-from chatter_monitor.discrepancy.diagnosis import offset_beside
-from chatter_monitor.discrepancy.faults import restlessness
+from chatter_monitor.discrepancy.all_along import FITTED_REST_SHARE, REST_NATS, REST_SHARE, begins, name_all_along
+from chatter_monitor.discrepancy.augment import Augmented, calibrated
+from chatter_monitor.discrepancy.case import SURE, Case
+from chatter_monitor.discrepancy.faults import Clipping, restlessness
 from chatter_monitor.discrepancy.findings import (
     IN_WORDS,
     is_harmonic,
     of_clipping,
-    of_local,
     of_omission,
-    of_term,
     plain,
     strongest,
     tones_of,
 )
-from chatter_monitor.discrepancy.innovations import Diverged
 from chatter_monitor.discrepancy.known import wrong_coefficients
-from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
-from chatter_monitor.discrepancy.name import MOST_TERMS, PRICE_NATS, Scored
-from chatter_monitor.discrepancy.observer import Linear
-from chatter_monitor.discrepancy.partial import above, applied_there, in_stretch, regressed, without_it
+from chatter_monitor.discrepancy.partial import acts_there
 from chatter_monitor.discrepancy.report import Finding, Fit, Located, Report, Verdict
-from chatter_monitor.discrepancy.unnamed import POWERS_AND_SIDES, Unnamed, examine_rest, out_of_range
+from chatter_monitor.discrepancy.unnamed import Unnamed, examine_rest
 from chatter_monitor.discrepancy.whereabouts import MAPPED_P, whereabouts
 from chatter_monitor.physics.model import MachiningSystem
-from chatter_monitor.physics.parts import AppliedTerm
 
 RETUNED_P = 1e-3  # of the modes of the model file
-# What a force of no name has to explain beside what is named, and as a share of that: no law is exact, nor is a filter;
-# a regression, which takes the motion from the base model, much less so.
-REST_NATS = 6.0
-REST_SHARE, FITTED_REST_SHARE = 0.2, 0.02
-SECOND_SHARE = 0.8  # of what a second name explains that another power or symmetry of the first may explain, too
 MOST_LAWS = 2  # that are believed to act together; more of them imitate one that is none of theirs
-RIVALS = 3  # fitted fully
-RIVAL_NATS, RIVAL_SHARE = 6.0, 0.05  # how near to the leader's evidence, for that
 _FEIGNED = ("second_mode", "coloured_excitation")  # by the noise of another machine
 _TIED = "a force that acts"  # so begins what several names explain about equally
 _STATIC = ("phase_plane", "displacement", "velocity", "amplitude")  # forces that have no memory
@@ -84,242 +68,135 @@ def base_of(case: Case) -> MachiningSystem:
     return calibrated(case, case.base.machine, case.system.terms)
 
 
+@dataclass(slots=True)
+class _Said:
+    """What is said of a case, as it comes together.
+
+    Attributes
+    ----------
+    findings : list of Finding
+    strange : list of str
+        What is there and has no name, in words.
+    warnings : list of str
+    augmented : Augmented, optional
+        Model with what was named.
+    partly : bool
+        Whether its force begins or ends where that of the recording does.
+    """
+
+    findings: list[Finding] = field(default_factory=list)
+    strange: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    augmented: Augmented | None = None
+    partly: bool = False
+
+
 def conclude(case: Case) -> Diagnosis:
     """Say what was found."""
-    linear = case.innovations.linear
     base = base_of(case)
-    retuned = case.base.retuning_p < RETUNED_P or case.base.quantity != case.system.sensor.quantity
-    wrong = wrong_coefficients(case) if case.system.terms and case.columns else []
-    findings: list[Finding] = []
-    warnings: list[str] = []
     if case.clipped is not None and not case.maps[1:]:
-        findings.append(of_clipping(case.clipped))
-        located = Located(amplitude=(case.clipped.level, case.clipped.level), maps=case.maps)
-        summary = (
-            f"The sensor clips at {case.clipped.level:.3g}: {case.clipped.samples} samples are cut off. "
-            "Nothing can be said about the machine before it is recorded with less gain."
-        )
-        fit = Fit([], None, None, 0.0, 0.0, None, None)
-        report = Report("missing_physics", summary, located, findings, [], [], fit, calibration(case))
-        return Diagnosis(report, case, base, None)
-    if case.clipped is not None:
-        warnings.append(f"{case.clipped.samples} samples at the end of the sensor's range were left out.")
-    if case.whole.missing.any():
-        warnings.append(f"{np.mean(case.whole.missing):.1%} of the samples are missing, silent or clipped.")
-    strange: list[str] = []
+        return _clipped(case, case.clipped, base)
+    said = _Said(warnings=_left_out(case))
     tones, foreign = tones_of(case)
-    findings += strongest(tones)
-    leaves_cut = any(scored.candidate.term.chip_thickness for scored in case.named)
-    omissions = case.base.omissions
+    said.findings += strongest(tones)
     rest = restlessness(case.explained(), case.telling, case.recorded.rate_hz)
     if rest.kind is not None:
-        findings.append(plain(rest.kind, None, {}, rest.gain_nats, rest.p_value))
-    augmented, left, partly = None, None, False
-    delayed = list(case.innovations.terms[len(case.system.terms) :])
-    fullest = _fullest(case) if case.named else None
-    if case.named and fullest is None:
-        case.named = []
-        strange.append("a force with which the model runs away from it")
-    if fullest is not None:
-        first, augmented, omissions = fullest
-        case.named = [first]
-        left = _left(case, augmented)
-        # Further terms may stand for no more than what the first, fitted fully, leaves.
-        further = _further(case, first, augmented) if max(left.smooth.values()) > REST_NATS else []
-        # A law that is a little another explains it as simply as two that are right.
-        if further and max(left.variations.values()) < SECOND_SHARE * further[0].fit.gain:
-            terms = [*augmented.system.terms[-1:], *(_applied(case, scored) for scored in further)]
-            try:
-                augmented = augment(case, terms, augmented.innovations.linear)
-                case.named += further
-                left = _left(case, augmented)
-            except Diverged:
-                pass  # then the first has to do
-        case.threshold = named_above(case)
-        begun = _begun(case, augmented)
-        partly = begun is not None
-        for scored, parameters in zip(case.named, (begun or augmented).parameters, strict=True):
-            findings.append(of_term(scored, parameters))
-        if not _begins(case, left):
-            strange += _other_laws(case, augmented, left)
-        case.offset_p = offset_beside(case, augmented.innovations, augmented.system.terms[-len(case.named) :])
-        augmented = begun or augmented
-    elif delayed or omissions:
-        terms = [*case.system.terms, *delayed]
-        augmented = Augmented(calibrated(case, linear, terms), case.innovations, [], [], omissions[0].gain_nats)
-    findings += [
+        said.findings.append(plain(rest.kind, None, {}, rest.gain_nats, rest.p_value))
+    leaves_cut = any(scored.candidate.term.chip_thickness for scored in case.named)
+    named = name_all_along(case)
+    said.findings += named.findings
+    said.strange += named.strange
+    said.augmented, said.partly = named.augmented, named.partly
+    said.findings += [
         of_omission(case, o.name)
-        for o in omissions
+        for o in named.omissions
         if not is_harmonic(case, o) and not (o.name == "regenerative_delay" and leaves_cut)
     ]
-    if case.local is not None and len(case.local.as_likely) == 1:
-        finding, there = _there(case, case.local, augmented, base)
-        findings.append(finding)
-        augmented, partly = there or augmented, there is not None
-    elif case.local is not None:
-        names = " and ".join(IN_WORDS[each.name] for each in case.local.as_likely)
-        strange.append(f"{_TIED} {case.local.where} only: {names} explain it about equally")
+    _name_in_part(case, said, base)
     if case.offset_p < SURE:
-        findings.append(plain("offset_drift", None, {}, 0.0, case.offset_p))
-    left = left or examine_rest(case, case.innovations, [case.matrix[i] for i in case.evidence.nuisance])
-    if case.drift is not None and not any(f.name in ("nonstationary_excitation", "impacts") for f in findings):
-        findings.append(plain("parameter_drift", None, {}, 0.5 * case.drift.value, case.drift.p_value))
+        said.findings.append(plain("offset_drift", None, {}, 0.0, case.offset_p))
+    left = named.left or examine_rest(case, case.innovations, [case.matrix[i] for i in case.evidence.nuisance])
+    if case.drift is not None and not any(f.name in ("nonstationary_excitation", "impacts") for f in said.findings):
+        said.findings.append(plain("parameter_drift", None, {}, 0.5 * case.drift.value, case.drift.p_value))
     # Another machine's tones were taken out before anything was fitted. Its noise is still there, and has a colour.
-    if foreign and findings and not any(finding.name in _FEIGNED for finding in findings):
+    if foreign and said.findings and not any(finding.name in _FEIGNED for finding in said.findings):
         listed = ", ".join(f"{frequency:.4g}" for frequency in foreign)
-        warnings.append(f"Tones that belong neither to the spindle nor to the mains were left out: {listed} Hz.")
+        said.warnings.append(f"Tones that belong neither to the spindle nor to the mains were left out: {listed} Hz.")
     elif foreign:
-        strange.append("a tone that belongs neither to the spindle nor to the mains")
-    strange += _unexplained(case, left, bool(findings))
+        said.strange.append("a tone that belongs neither to the spindle nor to the mains")
+    said.strange += _unexplained(case, left, bool(said.findings))
+    return Diagnosis(_reported(case, said), case, base, said.augmented)
+
+
+def _clipped(case: Case, clipped: Clipping, base: MachiningSystem) -> Diagnosis:
+    """Of a recording of which nothing is left to say."""
+    located = Located(amplitude=(clipped.level, clipped.level), maps=case.maps)
+    summary = (
+        f"The sensor clips at {clipped.level:.3g}: {clipped.samples} samples are cut off. "
+        "Nothing can be said about the machine before it is recorded with less gain."
+    )
+    fit = Fit([], None, None, 0.0, 0.0, None, None)
+    findings = [of_clipping(clipped)]
+    return Diagnosis(
+        Report("missing_physics", summary, located, findings, [], [], fit, calibration(case)), case, base, None
+    )
+
+
+def _left_out(case: Case) -> list[str]:
+    """Samples that do not count, in words."""
+    words = []
+    if case.clipped is not None:
+        words.append(f"{case.clipped.samples} samples at the end of the sensor's range were left out.")
+    if case.whole.missing.any():
+        words.append(f"{np.mean(case.whole.missing):.1%} of the samples are missing, silent or clipped.")
+    return words
+
+
+def _name_in_part(case: Case, said: _Said, base: MachiningSystem) -> None:
+    """Say what acts in a part of the recording only."""
+    if case.local is None:
+        return
+    if len(case.local.as_likely) > 1:
+        names = " and ".join(IN_WORDS[each.name] for each in case.local.as_likely)
+        said.strange.append(f"{_TIED} {case.local.where} only: {names} explain it about equally")
+        return
+    finding, augmented = acts_there(case, case.local, said.augmented, base)
+    said.findings.append(finding)
+    said.augmented, said.partly = augmented or said.augmented, augmented is not None
+
+
+def _reported(case: Case, said: _Said) -> Report:
+    """The verdict and all that goes with it."""
+    findings, strange, warnings = said.findings, said.strange, said.warnings
+    wrong = wrong_coefficients(case) if case.system.terms else []
+    other_modes = case.base.retuning_p < RETUNED_P or case.base.quantity != case.system.sensor.quantity
     verdict: Verdict
     if strange:
         verdict = "unknown"
     elif findings:
         verdict = "missing_physics"
     else:
-        verdict = "parameters" if retuned or wrong else "none"
+        verdict = "parameters" if other_modes or wrong else "none"
     if verdict == "unknown" and findings:
         warnings.append(f"Named, but not all that is there: {', '.join(f.name for f in findings)}.")
-    if verdict == "missing_physics" and not partly and any(_where(case, finding) for finding in findings):
+    if verdict == "missing_physics" and not said.partly and any(_where(case, finding) for finding in findings):
         has = "has this force all along" if case.local is None else "is the machine without this force"
         warnings.append(f"No model that begins or ends there was found: model.toml {has}.")
     if verdict == "parameters":
         warnings += one_cut(case)
     where = whereabouts(case, findings, strange)
-    report = Report(
+    named = findings if verdict != "unknown" else []
+    return Report(
         verdict,
-        _summary(case, verdict, findings, strange, augmented, wrong),
+        _summary(case, verdict, said, wrong),
         where,
-        findings if verdict != "unknown" else [],
-        alternatives(case, findings if verdict != "unknown" else []),
+        named,
+        alternatives(case, named),
         information(case),
         held_out_fit(case),
         calibration(case),
         warnings,
     )
-    return Diagnosis(report, case, base, augmented)
-
-
-def _fullest(case: Case) -> tuple[Scored, Augmented, list[Omission]] | None:
-    """Whichever of the leaders explains most once everything is fitted through the nonlinear filter.
-
-    A nonlinear force makes a spectrum that looks like a linear omission: what the base was found to lack stays
-    only if the leaders explain less without it. None if all of them run away from the recording.
-    """
-    leader = case.named[0]
-    least = leader.evidence_nats - max(RIVAL_NATS, RIVAL_SHARE * leader.evidence_nats)
-    rivals = [
-        leader,
-        *(each for each in case.ranking if each.evidence_nats > least and each.candidate != leader.candidate),
-    ][:RIVALS]
-    inn, base = case.innovations, case.base
-    machine = [omission for omission in base.omissions if omission.name in MECHANICAL]
-    price = PRICE_NATS * sum(len(omission.parameters) for omission in machine)
-    starts = [Start((_applied(case, scored),), _retuned(inn.linear, scored), inn.terms, price) for scored in rivals]
-    if machine:
-        alone = [scored for scored in rivals if not scored.candidate.term.chip_thickness]
-        # Where a mode more fits the spectrum, the first of the two is nearer to the machine than one mode for both.
-        first = replace(inn.linear, modes=inn.linear.modes[:1])
-        of_one = len(inn.linear.modes) == 1
-        single = [_retuned(base.machine, s) if of_one else first for s in alone]
-        starts += [Start((_applied(case, s),), lin, case.system.terms) for s, lin in zip(alone, single, strict=True)]
-        rivals += alone
-    try:
-        number, augmented = fullest(case, starts)
-    except Diverged:
-        return None
-    without = starts[number].linear is not inn.linear
-    return rivals[number], augmented, [] if without else base.omissions
-
-
-def _further(case: Case, first: Scored, augmented: Augmented) -> list[Scored]:
-    """What explains more beside the first term, with its columns before the base model."""
-    contest = beside(case, augmented.innovations, augmented.columns, first.candidate)
-    further, _ = contest.run(most=MOST_TERMS - 1)
-    columns = dict(case.contest.entries)
-    found = []
-    for scored in further:
-        there = dict(zip(scored.all_columns, columns[scored.candidate], strict=True))
-        kept = [there[column] for column in scored.columns]
-        found.append(replace(scored, all_columns=columns[scored.candidate], columns=kept))
-    return found
-
-
-def _retuned(linear: Linear, scored: Scored) -> Linear:
-    """Without the stiffness and the damping that the base has in place of a term."""
-    if len(linear.modes) > 1 or scored.candidate.term.chip_thickness:
-        return linear
-    spring, damper = scored.fit.all_coefficients[:2]
-    return linear.beside(float(spring), float(damper))
-
-
-def _applied(case: Case, scored: Scored) -> AppliedTerm:
-    fitted = dict(zip(scored.columns, scored.fit.coefficients, strict=True))
-    coefficients = [float(fitted.get(column, 0.0)) for column in scored.all_columns]
-    if scored.candidate.term.chip_thickness:  # the delay that the base was found to have is the same force
-        coefficients = [case.base.linear.regeneration]
-    return AppliedTerm(scored.candidate.term, scored.candidate.with_coefficients(coefficients))
-
-
-def _left(case: Case, augmented: Augmented) -> Unnamed:
-    """What the augmented model leaves."""
-    named = augmented.system.terms[-len(case.named) :]
-    return examine_rest(case, augmented.innovations, augmented.columns, named)
-
-
-def _begins(case: Case, left: Unnamed) -> bool:
-    """Whether it is best explained by an amplitude above which it acts, that the named law leaves something."""
-    others = [*left.smooth.values(), *left.variations.values()]
-    return case.threshold is not None and case.threshold.gain_nats > max(others)
-
-
-def _begun(case: Case, augmented: Augmented) -> Augmented | None:
-    """The model in which the one named force begins at an amplitude; None if it does not, or is none better."""
-    if case.threshold is None:
-        return None
-    try:
-        fitted, threshold = above(case, augmented.system.terms[-1], case.threshold, augmented.innovations.linear)
-    except Diverged:
-        return None
-    if fitted.gain_nats < augmented.gain_nats:
-        return None
-    case.threshold = threshold
-    return fitted
-
-
-def _there(
-    case: Case, local: Local, augmented: Augmented | None, base: MachiningSystem
-) -> tuple[Finding, Augmented | None]:
-    """What acts in a part as a finding, and the model with it; None if there is none."""
-    fit = regressed(case)
-    applied = applied_there(local, fit)
-    if applied is not None and local.between_s is not None:
-        before = augmented or Augmented(base, case.innovations, [], [], local.as_likely[0].evidence_nats)
-        return of_local(local, fit), replace(before, system=in_stretch(before.system, applied, local.between_s))
-    if applied is None or local.threshold is None or case.named:
-        return of_local(local, fit), None
-    try:
-        fitted, threshold = above(case, applied, local.threshold, without_it(case.innovations.linear, fit))
-    except Diverged:
-        return of_local(local, fit), None
-    case.local = replace(local, threshold=threshold)
-    return of_local(case.local, fit, fitted.parameters[0]), fitted
-
-
-def _other_laws(case: Case, augmented: Augmented, left: Unnamed) -> list[str]:
-    """Names whose law is not quite that of the recording, in words."""
-    strange: list[str] = []
-    for scored, applied, parameters in zip(
-        case.named, augmented.system.terms[-len(case.named) :], augmented.parameters, strict=True
-    ):
-        name = scored.candidate.name
-        variations = {how: left.variations[name, how] for how in POWERS_AND_SIDES}
-        clearest = max(variations, key=lambda how: variations[how])
-        if variations[clearest] > max(REST_NATS, FITTED_REST_SHARE * scored.evidence_nats):
-            strange.append(f"a force like {IN_WORDS[name]}, but one that {POWERS_AND_SIDES[clearest]}")
-        elif (shape := out_of_range(augmented.innovations, applied, parameters)) is not None:
-            strange.append(f"a force like {IN_WORDS[name]}, but with a {shape.replace('_', ' ')} beyond that of one")
-    return strange
 
 
 def _unexplained(case: Case, left: Unnamed, something: bool) -> list[str]:
@@ -328,7 +205,7 @@ def _unexplained(case: Case, left: Unnamed, something: bool) -> list[str]:
     if case.unrest is not None and case.unrest.kind == "impacts":
         return strange  # the tests suppose errors without heavy tails
     named = sum(max(scored.evidence_nats, 0.0) for scored in case.named)
-    share = FITTED_REST_SHARE if case.named and not _begins(case, left) else REST_SHARE
+    share = FITTED_REST_SHARE if case.named and not begins(case, left) else REST_SHARE
     if case.local is not None:
         named += case.local.as_likely[0].evidence_nats
     least = max(REST_NATS, share * named)
@@ -358,15 +235,8 @@ def _where(case: Case, finding: Finding) -> str:
     return ""
 
 
-def _summary(
-    case: Case,
-    verdict: Verdict,
-    findings: Sequence[Finding],
-    strange: Sequence[str],
-    augmented: Augmented | None,
-    wrong: Sequence[str],
-) -> str:
-    beside = augmented if verdict == "missing_physics" else None
+def _summary(case: Case, verdict: Verdict, said: _Said, wrong: Sequence[str]) -> str:
+    beside = said.augmented if verdict == "missing_physics" else None
     mode = beside.system.modes[0] if beside else case.base.machine.modes[0]
     where = f"at {mode.frequency_hz:.4g} Hz with {100.0 * mode.damping_ratio:.3g} % damping."
     tuned = f"{'Beside it the' if beside else 'The'} mode is {where}"
@@ -380,9 +250,9 @@ def _summary(
         case "parameters":
             return f"The simulation explains the recording once its parameters are corrected. {tuned}"
         case "unknown":
-            shown = "; and ".join(strange)
-            if all(each.startswith(_TIED) for each in strange):
+            shown = "; and ".join(said.strange)
+            if all(each.startswith(_TIED) for each in said.strange):
                 return f"The recording shows {shown}. It cannot tell which, so none is named. {tuned}"
             return f"The recording shows {shown}. No term of the catalogue explains it, so none is named. {tuned}"
-    spoken = "; ".join(IN_WORDS[f.name] + (f" ({f.sense})" if f.sense else "") + _where(case, f) for f in findings)
+    spoken = "; ".join(IN_WORDS[f.name] + (f" ({f.sense})" if f.sense else "") + _where(case, f) for f in said.findings)
     return f"The simulation lacks {spoken}. {tuned}"

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from chatter_monitor.discrepancy.all_along import REST_SHARE
 from chatter_monitor.discrepancy.balance import LINEAR
 from chatter_monitor.discrepancy.candidates import Candidate
 from chatter_monitor.discrepancy.case import BLOCK_S
-from chatter_monitor.discrepancy.conclude import REST_SHARE, RETUNED_P
+from chatter_monitor.discrepancy.conclude import RETUNED_P
 from chatter_monitor.discrepancy.driven import DrivenCase
 from chatter_monitor.discrepancy.findings import IN_WORDS, SENSES, estimate
 from chatter_monitor.discrepancy.locate import whiteness_p

@@ -12,7 +12,10 @@ from dataclasses import replace
 from chatter_monitor.discrepancy.augment import Augmented, augment
 from chatter_monitor.discrepancy.case import Case, Local, Threshold
 from chatter_monitor.discrepancy.evidence import Regressed
+from chatter_monitor.discrepancy.findings import of_local
+from chatter_monitor.discrepancy.innovations import Diverged
 from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.discrepancy.report import Finding
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Drift
 from chatter_monitor.physics.terms import ABOVE
@@ -20,14 +23,57 @@ from chatter_monitor.physics.terms import ABOVE
 EDGE_S = 1e-3  # within which a force sets in and ceases
 
 
-def regressed(case: Case) -> Regressed:
+def begins_above(case: Case, augmented: Augmented) -> Augmented | None:
+    """The model in which the one named force begins at an amplitude; None if it does not, or is none better."""
+    if case.threshold is None:
+        return None
+    try:
+        fitted, threshold = _above(case, augmented.system.terms[-1], case.threshold, augmented.innovations.linear)
+    except Diverged:
+        return None
+    if fitted.gain_nats < augmented.gain_nats:
+        return None
+    case.threshold = threshold
+    return fitted
+
+
+def acts_there(
+    case: Case, local: Local, augmented: Augmented | None, base: MachiningSystem
+) -> tuple[Finding, Augmented | None]:
+    """What acts in a part as a finding, and the model with it; None if there is none.
+
+    Parameters
+    ----------
+    case : Case
+    local : Local
+    augmented : Augmented, optional
+        Model with what acts all along.
+    base : MachiningSystem
+        The same without anything that was found.
+    """
+    fit = _regressed(case)
+    applied = _applied(local, fit)
+    if applied is not None and local.between_s is not None:
+        before = augmented or Augmented(base, case.innovations, [], [], local.as_likely[0].evidence_nats)
+        return of_local(local, fit), replace(before, system=_in_stretch(before.system, applied, local.between_s))
+    if applied is None or local.threshold is None or case.named:
+        return of_local(local, fit), None
+    try:
+        fitted, threshold = _above(case, applied, local.threshold, _without_it(case.innovations.linear, fit))
+    except Diverged:
+        return of_local(local, fit), None
+    case.local = replace(local, threshold=threshold)
+    return of_local(case.local, fit, fitted.parameters[0]), fitted
+
+
+def _regressed(case: Case) -> Regressed:
     """Coefficients of what acts in a part, beside all else that is fitted."""
     columns = case.columns["local"]
     with case.contest.instead([column for column in case.evidence.nuisance if column not in columns]) as evidence:
         return evidence.regress(columns)
 
 
-def applied_there(local: Local, fit: Regressed) -> AppliedTerm | None:
+def _applied(local: Local, fit: Regressed) -> AppliedTerm | None:
     """The force that acts in a part, by the regression; None if it is a spring and a damper that change there."""
     if local.candidate is None:
         return None
@@ -36,13 +82,13 @@ def applied_there(local: Local, fit: Regressed) -> AppliedTerm | None:
     return AppliedTerm(local.candidate.term, local.candidate.with_coefficients(coefficients))
 
 
-def without_it(linear: Linear, fit: Regressed) -> Linear:
+def _without_it(linear: Linear, fit: Regressed) -> Linear:
     """The machine without what it has in its stiffness and damping of a force above an amplitude."""
     spring, damper = fit.all_coefficients[:2]
     return linear.beside(float(spring), float(damper)) if len(linear.modes) == 1 else linear
 
 
-def above(case: Case, applied: AppliedTerm, threshold: Threshold, linear: Linear) -> tuple[Augmented, Threshold]:
+def _above(case: Case, applied: AppliedTerm, threshold: Threshold, linear: Linear) -> tuple[Augmented, Threshold]:
     """Fit a force that begins at an amplitude, from a machine without it; the model, and where the force begins.
 
     The interval of that amplitude is the likelihood's over it in the regression: slopes, which see nothing of what a
@@ -61,7 +107,7 @@ def above(case: Case, applied: AppliedTerm, threshold: Threshold, linear: Linear
     return fitted, replace(threshold, above=amplitude, ci95=(min(low, amplitude), max(high, amplitude)))
 
 
-def in_stretch(system: MachiningSystem, applied: AppliedTerm, between_s: tuple[float, float]) -> MachiningSystem:
+def _in_stretch(system: MachiningSystem, applied: AppliedTerm, between_s: tuple[float, float]) -> MachiningSystem:
     """The machine with a force that is there in a stretch only."""
     begins, ends = between_s
     at = (begins - EDGE_S, begins, ends, ends + EDGE_S)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import chdtrc, chdtri
 
+from chatter_monitor.discrepancy.all_along import REST_NATS, REST_SHARE
 from chatter_monitor.discrepancy.candidates import Candidate
-from chatter_monitor.discrepancy.conclude import REST_NATS, REST_SHARE
 from chatter_monitor.discrepancy.findings import SENSES
 from chatter_monitor.discrepancy.live.refit import Refit
 from chatter_monitor.discrepancy.live.windows import Rest

@@ -1,0 +1,183 @@
+"""What acts all along, once everything is fitted through the nonlinear filter: names, and laws not quite theirs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from chatter_monitor.discrepancy.above import named_above
+from chatter_monitor.discrepancy.augment import Augmented, Start, augment, calibrated, fullest
+from chatter_monitor.discrepancy.case import Case
+from chatter_monitor.discrepancy.columns import beside
+from chatter_monitor.discrepancy.diagnosis import offset_beside
+from chatter_monitor.discrepancy.findings import IN_WORDS, of_term
+from chatter_monitor.discrepancy.innovations import Diverged
+from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
+from chatter_monitor.discrepancy.name import MOST_TERMS, PRICE_NATS, Scored
+from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.discrepancy.partial import begins_above
+from chatter_monitor.discrepancy.report import Finding
+from chatter_monitor.discrepancy.unnamed import POWERS_AND_SIDES, Unnamed, examine_rest, out_of_range
+from chatter_monitor.physics.parts import AppliedTerm
+
+# What a force of no name has to explain beside what is named, and as a share of that: no law is exact, nor is a filter;
+# a regression, which takes the motion from the base model, much less so.
+REST_NATS = 6.0
+REST_SHARE, FITTED_REST_SHARE = 0.2, 0.02
+SECOND_SHARE = 0.8  # of what a second name explains that another power or symmetry of the first may explain, too
+RIVALS = 3  # fitted fully
+RIVAL_NATS, RIVAL_SHARE = 6.0, 0.05  # how near to the leader's evidence, for that
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Named:
+    """What acts all along.
+
+    Attributes
+    ----------
+    omissions : list of Omission
+        Of the linear machine, that stay beside the names.
+    findings : list of Finding
+        Terms.
+    strange : list of str
+        What is there and is none of them, in words.
+    augmented : Augmented, optional
+        Model with the terms, or with the omissions.
+    left : Unnamed, optional
+        What the terms leave, if there are any.
+    partly : bool
+        The one term begins at an amplitude, in the model, too.
+    """
+
+    omissions: list[Omission]
+    findings: list[Finding] = field(default_factory=list)
+    strange: list[str] = field(default_factory=list)
+    augmented: Augmented | None = None
+    left: Unnamed | None = None
+    partly: bool = False
+
+
+def name_all_along(case: Case) -> Named:
+    """Fit the leaders fully, and those that explain more beside the first; `case.named` is what is left of them."""
+    found = _fullest(case) if case.named else None
+    if found is None:
+        strange = ["a force with which the model runs away from it"] if case.named else []
+        case.named = []
+        return Named(case.base.omissions, [], strange, _with_omissions(case))
+    first, augmented, omissions = found
+    case.named = [first]
+    left = _left(case, augmented)
+    # Further terms may stand for no more than what the first, fitted fully, leaves.
+    further = _further(case, first, augmented) if max(left.smooth.values()) > REST_NATS else []
+    # A law that is a little another explains it as simply as two that are right.
+    if further and max(left.variations.values()) < SECOND_SHARE * further[0].fit.gain:
+        terms = [*augmented.system.terms[-1:], *(_applied(case, scored) for scored in further)]
+        try:
+            augmented = augment(case, terms, augmented.innovations.linear)
+            case.named += further
+            left = _left(case, augmented)
+        except Diverged:
+            pass  # then the first has to do
+    case.threshold = named_above(case)
+    begun = begins_above(case, augmented)
+    both = zip(case.named, (begun or augmented).parameters, strict=True)
+    findings = [of_term(scored, parameters) for scored, parameters in both]
+    strange = [] if begins(case, left) else _other_laws(case, augmented, left)
+    case.offset_p = offset_beside(case, augmented.innovations, augmented.system.terms[-len(case.named) :])
+    return Named(omissions, findings, strange, begun or augmented, left, begun is not None)
+
+
+def _with_omissions(case: Case) -> Augmented | None:
+    """The model with what the linear machine lacks; None if that is nothing."""
+    inn, omissions = case.innovations, case.base.omissions
+    if not omissions:
+        return None
+    return Augmented(calibrated(case, inn.linear, inn.terms), inn, [], [], omissions[0].gain_nats)
+
+
+def _fullest(case: Case) -> tuple[Scored, Augmented, list[Omission]] | None:
+    """Whichever of the leaders explains most once everything is fitted through the nonlinear filter.
+
+    A nonlinear force makes a spectrum that looks like a linear omission: what the base was found to lack stays
+    only if the leaders explain less without it. None if all of them run away from the recording.
+    """
+    leader = case.named[0]
+    least = leader.evidence_nats - max(RIVAL_NATS, RIVAL_SHARE * leader.evidence_nats)
+    rivals = [
+        leader,
+        *(each for each in case.ranking if each.evidence_nats > least and each.candidate != leader.candidate),
+    ][:RIVALS]
+    inn, base = case.innovations, case.base
+    machine = [omission for omission in base.omissions if omission.name in MECHANICAL]
+    price = PRICE_NATS * sum(len(omission.parameters) for omission in machine)
+    starts = [Start((_applied(case, scored),), _retuned(inn.linear, scored), inn.terms, price) for scored in rivals]
+    if machine:
+        alone = [scored for scored in rivals if not scored.candidate.term.chip_thickness]
+        # Where a mode more fits the spectrum, the first of the two is nearer to the machine than one mode for both.
+        first = replace(inn.linear, modes=inn.linear.modes[:1])
+        of_one = len(inn.linear.modes) == 1
+        single = [_retuned(base.machine, s) if of_one else first for s in alone]
+        starts += [Start((_applied(case, s),), lin, case.system.terms) for s, lin in zip(alone, single, strict=True)]
+        rivals += alone
+    try:
+        number, augmented = fullest(case, starts)
+    except Diverged:
+        return None
+    without = starts[number].linear is not inn.linear
+    return rivals[number], augmented, [] if without else base.omissions
+
+
+def _further(case: Case, first: Scored, augmented: Augmented) -> list[Scored]:
+    """What explains more beside the first term, with its columns before the base model."""
+    contest = beside(case, augmented.innovations, augmented.columns, first.candidate)
+    further, _ = contest.run(most=MOST_TERMS - 1)
+    columns = dict(case.contest.entries)
+    found = []
+    for scored in further:
+        there = dict(zip(scored.all_columns, columns[scored.candidate], strict=True))
+        kept = [there[column] for column in scored.columns]
+        found.append(replace(scored, all_columns=columns[scored.candidate], columns=kept))
+    return found
+
+
+def _retuned(linear: Linear, scored: Scored) -> Linear:
+    """Without the stiffness and the damping that the base has in place of a term."""
+    if len(linear.modes) > 1 or scored.candidate.term.chip_thickness:
+        return linear
+    spring, damper = scored.fit.all_coefficients[:2]
+    return linear.beside(float(spring), float(damper))
+
+
+def _applied(case: Case, scored: Scored) -> AppliedTerm:
+    fitted = dict(zip(scored.columns, scored.fit.coefficients, strict=True))
+    coefficients = [float(fitted.get(column, 0.0)) for column in scored.all_columns]
+    if scored.candidate.term.chip_thickness:  # the delay that the base was found to have is the same force
+        coefficients = [case.base.linear.regeneration]
+    return AppliedTerm(scored.candidate.term, scored.candidate.with_coefficients(coefficients))
+
+
+def _left(case: Case, augmented: Augmented) -> Unnamed:
+    """What the augmented model leaves."""
+    named = augmented.system.terms[-len(case.named) :]
+    return examine_rest(case, augmented.innovations, augmented.columns, named)
+
+
+def begins(case: Case, left: Unnamed) -> bool:
+    """Whether it is best explained by an amplitude above which it acts, that the named law leaves something."""
+    others = [*left.smooth.values(), *left.variations.values()]
+    return case.threshold is not None and case.threshold.gain_nats > max(others)
+
+
+def _other_laws(case: Case, augmented: Augmented, left: Unnamed) -> list[str]:
+    """Names whose law is not quite that of the recording, in words."""
+    strange: list[str] = []
+    for scored, applied, parameters in zip(
+        case.named, augmented.system.terms[-len(case.named) :], augmented.parameters, strict=True
+    ):
+        name = scored.candidate.name
+        variations = {how: left.variations[name, how] for how in POWERS_AND_SIDES}
+        clearest = max(variations, key=lambda how: variations[how])
+        if variations[clearest] > max(REST_NATS, FITTED_REST_SHARE * scored.evidence_nats):
+            strange.append(f"a force like {IN_WORDS[name]}, but one that {POWERS_AND_SIDES[clearest]}")
+        elif (shape := out_of_range(augmented.innovations, applied, parameters)) is not None:
+            strange.append(f"a force like {IN_WORDS[name]}, but with a {shape.replace('_', ' ')} beyond that of one")
+    return strange
