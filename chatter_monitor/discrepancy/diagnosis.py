@@ -145,7 +145,7 @@ def _calibrated(recorded: Recorded, system: MachiningSystem) -> Base:
     given = _given(system)
     if not system.terms:
         return fit_base(recorded, given)
-    beside, known = linearised(recorded, calibrate(recorded, given).linear, system.terms)
+    beside, known = linearised(recorded, calibrate(recorded, given).linear, system.terms, system.modes[0].omega)
     return fit_base(beside, given, known)
 
 

@@ -74,7 +74,7 @@ def _others(case: Case) -> list[int]:
 
 
 def linearised(
-    recorded: Recorded, linear: Linear, terms: Sequence[AppliedTerm]
+    recorded: Recorded, linear: Linear, terms: Sequence[AppliedTerm], omega: float
 ) -> tuple[Recorded, tuple[float, float]]:
     """The recording with a spring and a damper in the place of forces, and these two, per unit mass; (0, 0) for none.
 
@@ -86,11 +86,14 @@ def linearised(
         Machine that the spectrum shows, which tells the motion.
     terms : sequence of AppliedTerm
         The forces; regeneration is none of them, a spectrum shows it as what it is.
+    omega : float
+        Angular frequency of the model's first mode, to which coefficients of stiffness refer.
     """
     terms = [applied for applied in terms if not applied.term.delayed]
     if not terms:
         return recorded, (0.0, 0.0)
     inn = Innovations(recorded, linear)
+    inn.observer = inn.observer._replace(omega=omega)
     x, v = inn.motion.x[0], inn.motion.v[0]
     force = inn.forces([(applied.term, applied.values) for applied in terms])[:, 0].sum(axis=0)
     columns = np.column_stack([x, v, np.ones_like(x)])

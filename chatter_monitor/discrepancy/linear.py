@@ -81,7 +81,7 @@ class Base:
 
     def _beside_known(self, linear: Linear) -> Linear:
         spring, damper = self.known
-        return linear.beside(-spring, -damper) if self.known != (0.0, 0.0) else linear
+        return linear.beside(-spring, -damper)
 
     @property
     def retuning_p(self) -> float:
@@ -102,8 +102,7 @@ def fit_base(recorded: Recorded, given: Linear, known: tuple[float, float] = (0.
     known : (float, float)
         Spring and damper that forces of the model file stand for.
     """
-    if known != (0.0, 0.0):
-        given = given.beside(*known)
+    given = given.beside(*known)
     spectrum = _spectrum(recorded, given)
     as_given = fit(spectrum, given, fixed_modes=True)
     fitted = _fitted(spectrum, given)

@@ -57,6 +57,8 @@ class Linear:
 
     def beside(self, spring: float, damper: float) -> Linear:
         """With a spring and a damper more, per unit mass; negative ones are those that it had in place of a term."""
+        if spring == damper == 0.0:
+            return self
         mode = self.modes[0]
         omega = math.sqrt(max(mode.omega**2 + spring, 0.25 * mode.omega**2))
         ratio = max((2.0 * mode.damping_ratio * mode.omega + damper) / (2.0 * omega), 0.1 * mode.damping_ratio)

@@ -18,7 +18,7 @@ from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Mode, Sensor, Spindle
 from chatter_monitor.physics.simulate import simulate
 from chatter_monitor.physics.terms import CATALOGUE
-from tests.discrepancy.machine import Machine, record
+from tests.discrepancy.machine import Machine, coefficient, record
 
 RATE_HZ = 12800.0
 FRAME = 640
@@ -165,4 +165,17 @@ def test_a_narrow_peak_is_not_smeared():
     given = Linear(system.modes, "displacement", 1e-3, 20.0, system.spindle, None, system.spindle.delay_s, 0.0177)
     result = next(each for each in refit(Recorded(samples, missing, decimator.rate_hz), given, ()) if each is not None)
     assert result.retuned_p > 1e-3
-    assert result.fitted.linear.modes[0].damping_ratio == pytest.approx(0.0107, rel=0.1)
+    assert result.linear.modes[0].damping_ratio == pytest.approx(0.0107, rel=0.1)
+
+
+@pytest.mark.parametrize("effect", ["hardening", "clearance"])
+def test_a_force_that_the_model_has_is_no_mismatch(effect):
+    """The very model of the machine, its spring included, is told from the running signal by nothing."""
+    machine = Machine(effect, 0.08, seconds=24.0)
+    known = {"hardening": ("cubic_stiffness", {}), "clearance": ("clearance", {"gap": 1.0})}
+    name, shapes = known[effect]
+    force = AppliedTerm(CATALOGUE[name], {"coefficient": coefficient(machine), **shapes})
+    samples = record(machine, 155)
+    told = said(samples, MachiningSystem(MODEL.modes, (force,), sensor=MODEL.sensor))
+    assert {found.outcome for _, found in told} == {"none"}
+    assert "missing_physics" in {found.outcome for _, found in said(samples)}  # without the spring there is one

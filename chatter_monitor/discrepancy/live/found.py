@@ -156,7 +156,7 @@ def of_force(named: Named, since: int, amplitude: float) -> Found:
 
 def of_omission(refit: Refit, since: int) -> Found:
     """What linear the model lacks as a finding; regeneration at another speed is one of the parameters."""
-    linear, rival = refit.fitted.linear, refit.runner_up
+    linear, rival = refit.linear, refit.runner_up
     outcome: Verdict = "missing_physics"
     effect, band = refit.omission, None
     parameters: dict[str, float] = {}
@@ -179,7 +179,7 @@ def of_omission(refit: Refit, since: int) -> Found:
 
 def of_parameters(refit: Refit, since: int) -> Found:
     """Modes that differ from those of the model file as a finding."""
-    modes = refit.fitted.linear.modes
+    modes = refit.linear.modes
     parameters: dict[str, float] = {}
     for i, mode in enumerate(modes, 1):
         parameters |= {f"mode.{i}.frequency_hz": mode.frequency_hz, f"mode.{i}.damping_ratio": mode.damping_ratio}

@@ -14,6 +14,7 @@ from scipy import ndimage, stats
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.innovations import Innovations
+from chatter_monitor.discrepancy.known import linearised
 from chatter_monitor.discrepancy.linear import NEEDED_NATS
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.spectrum import Periodogram, SpectralFit, fit, periodogram
@@ -38,8 +39,8 @@ class Refit:
     ----------
     base : Innovations
         The calibrated model, on the newest part of the signal.
-    fitted : SpectralFit
-        The linear machine as it was found.
+    linear : Linear
+        The linear machine as it was found, beside the forces of the model file.
     retuned_p, retuned_nats : float
         Of the modes of the model file against the fitted ones: how often chance does as much, and the gain.
     omission : str or None
@@ -54,7 +55,7 @@ class Refit:
     """
 
     base: Innovations
-    fitted: SpectralFit
+    linear: Linear
     retuned_p: float
     retuned_nats: float
     omission: str | None
@@ -74,7 +75,14 @@ def refit(recorded: Recorded, given: Linear, terms: tuple[AppliedTerm, ...]) -> 
     terms : tuple of AppliedTerm
         Forces of the model but its regeneration.
     """
-    spectrum = _spectrum(recorded, given)
+    known = 0.0, 0.0
+    if terms:  # what they are in the spectrum is not the machine's
+        rough = _fit_base(_spectrum(recorded, given), given).linear
+        yield None
+        beside, known = linearised(recorded, rough, terms, given.modes[0].omega)
+        given = given.beside(*known)
+        yield None
+    spectrum = _spectrum(beside if terms else recorded, given)
     yield None
     as_given = _fit_base(spectrum, given, fixed_modes=True)
     yield None
@@ -118,10 +126,11 @@ def refit(recorded: Recorded, given: Linear, terms: tuple[AppliedTerm, ...]) -> 
     p = float(stats.chi2.sf(2.0 * retuned_nats, freedom))
     newest = slice(-round(_WHITENED_S * recorded.rate_hz), None)
     part = Recorded(recorded.samples[newest], recorded.missing[newest], recorded.rate_hz)
-    linear, known = _observed(fitted.linear, terms)
-    innovations = Innovations(part, linear, known)
+    spring, damper = known
+    machine = fitted.linear.beside(-spring, -damper)
+    innovations = Innovations(part, *_observed(machine, terms))
     omission, gain_nats = leader[:2] if leader else (None, 0.0)
-    yield Refit(innovations, fitted, p, retuned_nats, omission, gain_nats, runner_up, scales(innovations.motion)[0])
+    yield Refit(innovations, machine, p, retuned_nats, omission, gain_nats, runner_up, scales(innovations.motion)[0])
 
 
 def _fit_base(spectrum: Periodogram, start: Linear, *, fixed_modes: bool = False) -> SpectralFit:

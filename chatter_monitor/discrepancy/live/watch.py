@@ -280,7 +280,7 @@ class Watch:
         since = blocks.firsts[0]
         if result.omission is not None:
             return of_omission(result, since)
-        if result.retuned_p < RETUNED_P and self._material(result.fitted.linear):
+        if result.retuned_p < RETUNED_P and self._material(result.linear):
             return of_parameters(result, since)
         return Found("none", since, amplitude=result.rms)
 
