@@ -98,6 +98,8 @@ class Memory(NamedTuple):
         That of all that is forced, averaged likewise.
     forced : bool
         Whether the last interval was called forced.
+    undamped : bool
+        Whether its damping was surely as good as none.
     """
 
     loudest: float = 0.0
@@ -105,6 +107,7 @@ class Memory(NamedTuple):
     synchronous: float = 0.0
     forced_share: float = 0.0
     forced: bool = False
+    undamped: bool = False
 
     @property
     def alarm(self) -> Followed | None:
@@ -168,11 +171,17 @@ def _stable_or_near(evidence: Evidence, memory: Memory, sure: float, settings: J
         return Opinion("approaching", WARNING_RIGHT * sure, (why,))
     if mode is None:
         return Opinion("stable", sure, ("no mode stands out",))
-    near = probability_below(mode, settings.approaching_damping)
     where = f"damping {_percent(mode)} at {mode.frequency_hz:.0f} Hz"
-    if near >= settings.certainty and not _is_forced(mode, memory):
+    # One interval, the second of a recording above all, says little that the next does not take back.
+    if memory.undamped and _is_undamped(evidence, settings) and not _is_forced(mode, memory):
         return Opinion("approaching", WARNING_RIGHT * sure, (where,))
     return Opinion("stable", sure, (where,))
+
+
+def _is_undamped(evidence: Evidence, settings: JudgeSettings) -> bool:
+    """Whether little damping is left, as far as one interval tells."""
+    mode = evidence.critical
+    return mode is not None and probability_below(mode, settings.approaching_damping) >= settings.certainty
 
 
 def _is_forced(mode: ModeEvidence, memory: Memory) -> bool:
@@ -268,7 +277,8 @@ class Judge:
         else:
             memory = self._follow(memory, evidence)
             view = opinion(evidence, memory, settings)
-        self._memory = memory._replace(forced=view.state == "forced")
+        undamped = view.state != "unknown" and _is_undamped(evidence, settings)
+        self._memory = memory._replace(forced=view.state == "forced", undamped=undamped)
         return self._record(view, evidence, first_sample, samples, sample_rate_hz)
 
     def _follow(self, memory: Memory, evidence: Evidence) -> Memory:
