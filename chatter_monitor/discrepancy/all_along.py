@@ -110,6 +110,7 @@ def _fullest(case: Case) -> tuple[Scored, Augmented, list[Omission]] | None:
     machine = [omission for omission in base.omissions if omission.name in MECHANICAL]
     price = PRICE_NATS * sum(len(omission.parameters) for omission in machine)
     starts = [Start((_applied(case, scored),), _retuned(inn.linear, scored), inn.terms, price) for scored in rivals]
+    with_machine = len(rivals)
     if machine:
         alone = [scored for scored in rivals if not scored.candidate.term.chip_thickness]
         # Where a mode more fits the spectrum, the first of the two is nearer to the machine than one mode for both.
@@ -122,8 +123,7 @@ def _fullest(case: Case) -> tuple[Scored, Augmented, list[Omission]] | None:
         number, augmented = fullest(case, starts)
     except Diverged:
         return None
-    without = starts[number].linear is not inn.linear
-    return rivals[number], augmented, [] if without else base.omissions
+    return rivals[number], augmented, machine if number < with_machine else []
 
 
 def _further(case: Case, first: Scored, augmented: Augmented) -> list[Scored]:
