@@ -81,3 +81,16 @@ def test_a_model_that_drifts_is_refused():
     model = MachiningSystem((Mode(220.0, 0.02),), drifts=(drift,))
     with pytest.raises(InputError, match="drift"):
         examine(recorded_from(np.zeros(1000), 12800.0), model)
+
+
+def test_regeneration_beside_a_spring_is_named_with_it():
+    """Both are missing, the model that fits best has both, and both are said."""
+    delayed = AppliedTerm(CATALOGUE["regenerative_delay"], {"coefficient": 0.02})
+    spring = AppliedTerm(CATALOGUE["cubic_stiffness"], {"coefficient": 0.03})
+    spindle, sensor = Spindle(3000.0, 2), Sensor("velocity")
+    machine = MachiningSystem((Mode(420.0, 0.02),), (delayed, spring), spindle=spindle, sensor=sensor)
+    signal = simulate(machine, 15.0, 8, settle_s=1.0).signal
+    model = MachiningSystem((Mode(421.0, 0.02),), spindle=spindle, sensor=sensor)
+    diagnosis = conclude(examine(recorded_from(signal, 12800.0), model))
+    assert {found.name for found in diagnosis.report.terms} == {"regenerative_delay", "cubic_stiffness"}
+    assert {applied.term.name for applied in diagnosis.model.terms} == {"regenerative_delay", "cubic_stiffness"}
