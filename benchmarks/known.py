@@ -18,10 +18,8 @@ from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
-import soundfile
-
+from benchmarks.stretches import written
 from chatter_monitor.discrepancy.prove.blind.case import make_case
-from chatter_monitor.discrepancy.prove.blind.chain import RATE_HZ
 from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.model_file import model_text, read_model
@@ -42,9 +40,7 @@ def answered(case: tuple[int, int, float]) -> tuple[str, str, str, str]:
     seed, number, share = case
     made = make_case(CATALOGUE[number], seed, number + 1)
     with tempfile.TemporaryDirectory() as folder:
-        recording, model = Path(folder) / "recording.wav", Path(folder) / "model.toml"
-        soundfile.write(recording, made.samples, RATE_HZ, subtype="FLOAT")
-        model.write_text(made.model, encoding="utf-8")
+        recording, model = written(made, Path(folder))
         system = weakened(with_hidden(read_model(model), made.truth), share)
         model.write_text(model_text(system), encoding="utf-8")
         report, _ = diagnose_file(recording, model, Path(folder) / "diagnosis")

@@ -22,7 +22,7 @@ import numpy as np
 import soundfile
 
 from chatter_monitor.discrepancy.findings import IN_WORDS
-from chatter_monitor.discrepancy.prove.blind.case import make_case
+from chatter_monitor.discrepancy.prove.blind.case import Case, make_case
 from chatter_monitor.discrepancy.prove.blind.chain import RATE_HZ
 from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE, Effect
 from chatter_monitor.discrepancy.prove.scoring import OVERLAP, TELLING_NATS, Judged, judge
@@ -45,14 +45,20 @@ def effects(seed: int) -> Iterator[Effect]:
             yield replace(effect, kind=f"{effect.kind}, above", family="part", above=ABOVE)
 
 
+def written(made: Case, folder: Path) -> tuple[Path, Path]:
+    """Recording and base model of a case, as files."""
+    recording, model = folder / "recording.wav", folder / "model.toml"
+    soundfile.write(recording, made.samples, RATE_HZ, subtype="FLOAT")
+    model.write_text(made.model, encoding="utf-8")
+    return recording, model
+
+
 def answered(case: tuple[int, int]) -> tuple[Judged, str]:
     """One case, by its seed and number, made, diagnosed and judged; and what was said."""
     seed, number = case
     made = make_case(list(effects(seed))[number - 1], seed, number)
     with tempfile.TemporaryDirectory() as folder:
-        recording, model = Path(folder) / "recording.wav", Path(folder) / "model.toml"
-        soundfile.write(recording, made.samples, RATE_HZ, subtype="FLOAT")
-        model.write_text(made.model, encoding="utf-8")
+        recording, model = written(made, Path(folder))
         report, _ = diagnose_file(recording, model, Path(folder) / "diagnosis")
         gain = true_gain(recording, model, made.truth)
     return judge(f"{seed}.{number}", made.truth, report, gain), report.summary

@@ -138,24 +138,25 @@ def select(typing_context, mask, x, y):
     return lanes(mask, lanes, lanes), lambda _, builder, sig, args: builder.select(*args)
 
 
-@intrinsic
-def larger(typing_context, x, y):
-    """The larger one; y where one is NaN."""
+def _first_if(comparison: str, x: types.Type, y: types.Type) -> Any:
+    """An intrinsic that takes x where it compares so with y, and y elsewhere."""
     lanes = _lanes_among((x, y))
     return lanes and (
         lanes(lanes, lanes),
-        lambda _, builder, sig, args: builder.select(builder.fcmp_ordered(">", *args), *args),
+        lambda _, builder, sig, args: builder.select(builder.fcmp_ordered(comparison, *args), *args),
     )
+
+
+@intrinsic
+def larger(typing_context, x, y):
+    """The larger one; y where one is NaN."""
+    return _first_if(">", x, y)
 
 
 @intrinsic
 def smaller(typing_context, x, y):
     """The smaller one; y where one is NaN."""
-    lanes = _lanes_among((x, y))
-    return lanes and (
-        lanes(lanes, lanes),
-        lambda _, builder, sig, args: builder.select(builder.fcmp_ordered("<", *args), *args),
-    )
+    return _first_if("<", x, y)
 
 
 @intrinsic
