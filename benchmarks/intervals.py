@@ -40,7 +40,7 @@ def prepared(directory: Path) -> Case:
     system = read_model(directory / "model.toml")
     whole, recorded = in_band(recorded_from(samples, float(rate_hz)), system)
     sensor, mode = system.sensor, system.modes[0]
-    fitted = calibrate(recorded, Linear(system.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, system.spindle))
+    fitted = calibrate(recorded, Linear.of(system))
     spectrum = periodogram(recorded, RESOLUTION * mode.frequency_hz * mode.damping_ratio)
     inn = Innovations(recorded, fitted.linear)
     case = Case(system, whole, recorded, Base(fitted, fitted, [], sensor.quantity, [], spectrum), inn)
@@ -53,13 +53,8 @@ def prepared(directory: Path) -> Case:
 
 def beginning(case: Case, applied: AppliedTerm) -> Start:
     """A true term, and the mode that the regression leaves beside it."""
-    inn, parameters = case.innovations, applied.term.parameters
-    units = [
-        [float(p is q) if p.linear else value for p, value in zip(parameters, applied.values, strict=True)]
-        for q in parameters
-        if q.linear
-    ]
-    columns = np.concatenate([case.matrix, inn.of_terms([(applied.term, unit) for unit in units])])
+    inn = case.innovations
+    columns = np.concatenate([case.matrix, inn.of_terms([(applied.term, unit) for unit in applied.units.values()])])
     k = len(case.matrix)
     evidence = Evidence(inn.white, columns, case.weight, range(k), case.evidence.block)
     spring, damper = evidence.regress(range(k, len(columns))).all_coefficients[:2]

@@ -52,7 +52,7 @@ def held_out_fit(case: Case) -> Fit:
     evidence, held = case.evidence, ~case.training
     local = case.columns.get("local", [])
     columns = [*local, *(c for scored in case.named for c in scored.columns)]
-    with case.contest.instead([column for column in evidence.nuisance if column not in local]):
+    with case.contest.without(local):
         base, full = evidence.regress([], case.training), evidence.regress(columns, case.training)
         gain = evidence.gain_on(full, columns, base, held)
         rest = evidence.rest(base, [], held)

@@ -231,10 +231,8 @@ class _Model:
             return _DERIVATIVE_STEP * width * value
         if value == 0.0:  # as much as makes a small part of the restoring force
             applied = self.terms[knob.term]
-            both = zip(applied.term.parameters, applied.values, strict=True)
-            unit = [float(p.name == knob.name) if p.linear else shape for p, shape in both]
             restoring = inn.observer.omega**2 * float(np.std(inn.motion.x[0]))
-            value = restoring / float(np.std(inn.force(applied.term, unit)[0]))
+            value = restoring / float(np.std(inn.force(applied.term, applied.units[knob.name])[0]))
             return _DERIVATIVE_STEP**2 * value
         return _DERIVATIVE_STEP * value
 

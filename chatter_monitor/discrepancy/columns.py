@@ -71,14 +71,12 @@ def known_units(system: MachiningSystem) -> list[tuple[int, str, tuple[Term, tup
 
     Regeneration is none of them: its coefficient is fitted to the spectrum.
     """
-    found = []
-    for number, applied in enumerate(system.terms):
-        both = list(zip(applied.term.parameters, applied.values, strict=True))
-        for unit, _ in both:
-            if unit.linear and not applied.term.delayed:
-                values = tuple(float(p is unit) if p.linear else value for p, value in both)
-                found.append((number, unit.name, (applied.term, values)))
-    return found
+    return [
+        (number, name, (applied.term, unit))
+        for number, applied in enumerate(system.terms)
+        if not applied.term.delayed
+        for name, unit in applied.units.items()
+    ]
 
 
 def _entries(

@@ -105,17 +105,21 @@ def examine(whole: Recorded, system: MachiningSystem, progress: Callable[[str], 
         case.maps = [frequency_map(base.spectrum, base.fitted)[0]]
         return case
     cleaned, tones, offset_p = _cleaned(recorded, given)
-    base = _calibrated(cleaned, system)
-    progress("innovations")
-    innovations = Innovations(cleaned, *_as_model(base, system))
-    case = Case(system, whole, cleaned, base, innovations, clipped, tones, offset_p=offset_p)
-    progress("signatures")
-    gather(case)
-    if (better := corrected(case)) is not None:
-        base = _calibrated(cleaned, better)
-        innovations = Innovations(cleaned, *_as_model(base, better))
-        case = Case(better, whole, cleaned, base, innovations, clipped, tones, None, offset_p, uncorrected=system)
+
+    def with_signatures(model: MachiningSystem, uncorrected: MachiningSystem | None = None) -> Case:
+        base = _calibrated(cleaned, model)
+        progress("innovations")
+        innovations = Innovations(cleaned, *_as_model(base, model))
+        progress("signatures")
+        case = Case(
+            model, whole, cleaned, base, innovations, clipped, tones, offset_p=offset_p, uncorrected=uncorrected
+        )
         gather(case)
+        return case
+
+    case = with_signatures(system)
+    if (better := corrected(case)) is not None:
+        case = with_signatures(better, system)
     progress("names")
     _look(case)
     if case.local is not None and case.local.between_s is not None:
@@ -132,18 +136,13 @@ def in_band(whole: Recorded, system: MachiningSystem) -> tuple[Recorded, Recorde
 
 
 def _given(system: MachiningSystem) -> Linear:
-    sensor = system.sensor
-    given = Linear(system.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, system.spindle)
-    delayed = [applied for applied in system.terms if applied.term.delayed]
-    if delayed and system.spindle is not None:
-        given = replace(given, delay_s=system.spindle.delay_s, regeneration=delayed[0].parameters["coefficient"])
-    return given
+    return Linear.of(system, next((applied for applied in system.terms if applied.term.delayed), None))
 
 
 def _calibrated(recorded: Recorded, system: MachiningSystem) -> Base:
     """The linear base, fitted beside the forces of the model."""
     given = _given(system)
-    if not system.terms:
+    if all(applied.term.delayed for applied in system.terms):  # a spectrum shows these as what they are
         return fit_base(recorded, given)
     beside, known = linearised(recorded, calibrate(recorded, given).linear, system.terms, system.modes[0].omega)
     return fit_base(beside, given, known)

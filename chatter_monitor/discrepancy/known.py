@@ -31,7 +31,7 @@ CORRECTED_P = 1e-3  # chance at which a coefficient of the model file is not bel
 def coefficients(case: Case) -> dict[tuple[int, str], tuple[float, float]]:
     """Coefficients of the model's forces with their standard deviations, by number of the term and name."""
     found = {}
-    with case.contest.instead(_others(case)) as evidence:
+    with case.contest.without(case.columns["known"]) as evidence:
         fit = evidence.regress(case.columns["known"])
     for (number, name, _), change, sd in zip(known_units(case.system), fit.coefficients, fit.sd, strict=True):
         found[number, name] = case.system.terms[number].parameters[name] + float(change), float(sd)
@@ -58,7 +58,7 @@ def corrected(case: Case) -> MachiningSystem | None:
     known = case.columns["known"]
     if not known:
         return None
-    with case.contest.instead(_others(case)) as evidence:
+    with case.contest.without(known) as evidence:
         if evidence.p_value(known, evidence.everything) > CORRECTED_P:
             return None
     terms = list(case.system.terms)
@@ -67,10 +67,6 @@ def corrected(case: Case) -> MachiningSystem | None:
         lower = next(p.lower for p in applied.term.parameters if p.name == name)
         terms[number] = replace(applied, parameters={**applied.parameters, name: max(value, lower)})
     return replace(case.system, terms=tuple(terms))
-
-
-def _others(case: Case) -> list[int]:
-    return [column for column in case.evidence.nuisance if column not in case.columns["known"]]
 
 
 def linearised(
@@ -107,15 +103,9 @@ def linearised(
 def _answer(force: Vector, linear: Linear, rate_hz: float) -> Vector:
     """What the sensor sees of a force that pushes, shape (n,)."""
     n = fft.next_fast_len(2 * force.size, real=True)
-    s = 2j * np.pi * fft.rfftfreq(n, 1.0 / rate_hz)
-    receptance = np.zeros_like(s)
-    for mode in linear.modes:
-        receptance += mode.participation**2 / (s**2 + 2.0 * mode.damping_ratio * mode.omega * s + mode.omega**2)
+    frequency_hz = fft.rfftfreq(n, 1.0 / rate_hz)
+    answer = linear.receptance(frequency_hz)
     if linear.delay_s is not None:
-        echo = linear.regeneration * linear.modes[0].omega ** 2 * (1.0 - np.exp(-s * linear.delay_s))
-        receptance /= 1.0 + echo * receptance
-    power = {"displacement": 0, "velocity": 1, "acceleration": 2, "pressure": 2}[linear.quantity]
-    sensor = s**power
-    if linear.quantity == "pressure":
-        sensor *= s / (s + 2.0 * np.pi * linear.low_cut_hz)
-    return np.asarray(fft.irfft(sensor * receptance * fft.rfft(force, n), n)[: force.size])
+        lag = np.exp(-2j * np.pi * frequency_hz * linear.delay_s)
+        answer /= 1.0 + linear.regeneration * linear.modes[0].omega ** 2 * (1.0 - lag) * answer
+    return np.asarray(fft.irfft(linear.sensed(frequency_hz) * answer * fft.rfft(force, n), n)[: force.size])

@@ -55,7 +55,7 @@ class Base:
         Linear omissions that were tried, with their gain.
     spectrum : Periodogram
     known : (float, float)
-        Spring and damper that forces of the model file stand for in the spectrum (`known.equivalent`).
+        Spring and damper that forces of the model file stand for in the spectrum (`known.linearised`).
     """
 
     given: SpectralFit

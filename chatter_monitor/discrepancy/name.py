@@ -6,7 +6,7 @@ less a price for every parameter, and counts when the held-out blocks confirm it
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
@@ -129,6 +129,10 @@ class Contest:
     def beside(self, given: Sequence[int]) -> AbstractContextManager[Evidence]:
         """The evidence with more columns among the nuisance, for the time of a `with`."""
         return self.instead([*self.evidence.nuisance, *given])
+
+    def without(self, columns: Collection[int]) -> AbstractContextManager[Evidence]:
+        """The evidence with columns taken out of the nuisance, so that they can be asked about, likewise."""
+        return self.instead([column for column in self.evidence.nuisance if column not in columns])
 
     @contextmanager
     def instead(self, nuisance: Sequence[int]) -> Iterator[Evidence]:

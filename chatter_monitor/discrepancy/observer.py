@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from chatter_monitor.kernels.observer import NODES, Observer
-from chatter_monitor.physics.parts import Mode, Quantity, Spindle
+from chatter_monitor.physics.model import MachiningSystem
+from chatter_monitor.physics.parts import AppliedTerm, Mode, Quantity, Spindle
 
+Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
+Complexes = NDArray[np.complexfloating]
 
 LEAST_NOISE = 1e-9
 FORGETS = 0.9995  # share of an error that may be left a sample later
@@ -46,6 +49,29 @@ class Linear:
     corner_hz: float | None = None
     delay_s: float | None = None
     regeneration: float = 0.0
+
+    @classmethod
+    def of(cls, system: MachiningSystem, regeneration: AppliedTerm | None = None) -> Linear:
+        """The linear part of a model, with the regeneration that it has; the noise is where a fit begins."""
+        sensor, spindle = system.sensor, system.spindle
+        linear = cls(system.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, spindle)
+        if regeneration is None or spindle is None:
+            return linear
+        return replace(linear, delay_s=spindle.delay_s, regeneration=regeneration.parameters["coefficient"])
+
+    def receptance(self, frequency_hz: Vector) -> Complexes:
+        """Displacement for a force at each frequency, without regeneration."""
+        s = 2j * np.pi * frequency_hz
+        receptance = np.zeros_like(s)
+        for mode in self.modes:
+            receptance += mode.participation**2 / (s**2 + 2.0 * mode.damping_ratio * mode.omega * s + mode.omega**2)
+        return receptance
+
+    def sensed(self, frequency_hz: Vector) -> Complexes:
+        """What the sensor measures for a displacement at each frequency."""
+        s = 2j * np.pi * frequency_hz
+        measured: Complexes = s ** {"displacement": 0, "velocity": 1, "acceleration": 2, "pressure": 2}[self.quantity]
+        return measured * s / (s + 2.0 * np.pi * self.low_cut_hz) if self.quantity == "pressure" else measured
 
     def retuned(self, mode: Mode) -> Linear:
         """With another first mode, force and sensor as they are.

@@ -18,7 +18,6 @@ from chatter_monitor.discrepancy.linear import calibrate
 from chatter_monitor.discrepancy.local import acting
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.physics.model import MachiningSystem
-from chatter_monitor.physics.parts import AppliedTerm
 
 
 def gain_of(
@@ -47,12 +46,13 @@ def gain_of(
         Amplitude above which they act.
     """
     _, recorded = in_band(recording, base)
-    sensor = base.sensor
-    fitted = calibrate(recorded, Linear(base.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, true.spindle)).linear
+    fitted = calibrate(recorded, replace(Linear.of(base), spindle=true.spindle)).linear
     before = Innovations(recorded, fitted, base.terms)
     acts = acting(before, between_s, above)
     forces = [
-        before.force(applied.term, unit) * acts for applied in true.terms[len(base.terms) :] for unit in _units(applied)
+        before.force(applied.term, unit) * acts
+        for applied in true.terms[len(base.terms) :]
+        for unit in applied.units.values()
     ]
     nll = _held_out_nll(before, before.used)
     gain = nll - _held_out_nll(before, before.used, before.respond(forces))
@@ -64,16 +64,6 @@ def gain_of(
         return gain
     used = before.used & after.used
     return max(gain, _held_out_nll(before, used) - _held_out_nll(after, used))
-
-
-def _units(applied: AppliedTerm) -> list[list[float]]:
-    """Parameters with each coefficient 1 in turn and the others 0, shapes as they are."""
-    parameters = applied.term.parameters
-    return [
-        [float(q is p) if q.linear else value for q, value in zip(parameters, applied.values, strict=True)]
-        for p in parameters
-        if p.linear
-    ]
 
 
 def _held_out_nll(model: Innovations, used: NDArray[np.bool_], signatures: NDArray[np.float64] | None = None) -> float:

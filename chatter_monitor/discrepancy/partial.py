@@ -69,7 +69,7 @@ def acts_there(
 def _regressed(case: Case) -> Regressed:
     """Coefficients of what acts in a part, beside all else that is fitted."""
     columns = case.columns["local"]
-    with case.contest.instead([column for column in case.evidence.nuisance if column not in columns]) as evidence:
+    with case.contest.without(columns) as evidence:
         return evidence.regress(columns)
 
 

@@ -123,17 +123,14 @@ class _Density:
     def __init__(self, start: Linear, spectrum: Periodogram, colours: int, fixed_modes: bool) -> None:
         self.start, self.spectrum = start, spectrum
         f = spectrum.frequency_hz
-        s = 2j * np.pi * f
-        self.sensed = np.abs(s) ** (2 * ("displacement", "velocity", "acceleration").index(_measured(start)))
-        if start.quantity == "pressure":
-            self.sensed = self.sensed * np.abs(s / (s + 2.0 * np.pi * start.low_cut_hz)) ** 2
+        self.sensed = np.abs(start.sensed(f)) ** 2
         self.cosines = np.cos(np.pi * np.outer(np.arange(colours + 1), f / spectrum.nyquist_hz))
         self.step_hz = np.gradient(f)
         self.modes = 0 if fixed_modes else len(start.modes)
         self.corner_at = max(3 * self.modes - 1, 0)
         self.regeneration_at = self.corner_at + (start.corner_hz is not None)
         self.noise_at = self.regeneration_at + (start.delay_s is not None)
-        self.lag = np.exp(-s * start.delay_s) if start.delay_s is not None else np.zeros(0, np.complex128)
+        self.lag = np.exp(-2j * np.pi * f * start.delay_s) if start.delay_s is not None else np.zeros(0, np.complex128)
 
     @property
     def zero(self) -> Vector:
@@ -199,11 +196,6 @@ class _Density:
         colour = vector[self.noise_at + 1 :] @ self.cosines
         add_noise(response, self.step_hz, linear.noise / self.spectrum.nyquist_hz, colour, response)
         return response
-
-
-def _measured(linear: Linear) -> str:
-    """What the sensor measures, but for its own response: pressure follows the acceleration."""
-    return "acceleration" if linear.quantity == "pressure" else linear.quantity
 
 
 def log_density(linear: Linear, frequency_hz: Vector, nyquist_hz: float) -> Vector:

@@ -170,6 +170,16 @@ class AppliedTerm:
         """Values in the order of the term's parameters."""
         return tuple(float(self.parameters.get(p.name, p.default or 0.0)) for p in self.term.parameters)
 
+    @property
+    def units(self) -> dict[str, tuple[float, ...]]:
+        """Values with each coefficient 1 in turn and the others 0, shapes as they are; by the coefficient's name."""
+        both = list(zip(self.term.parameters, self.values, strict=True))
+        return {
+            unit.name: tuple(float(p is unit) if p.linear else value for p, value in both)
+            for unit in self.term.parameters
+            if unit.linear
+        }
+
 
 @dataclass(frozen=True, slots=True)
 class Drift:

@@ -75,14 +75,14 @@ def refit(recorded: Recorded, given: Linear, terms: tuple[AppliedTerm, ...]) -> 
     terms : tuple of AppliedTerm
         Forces of the model but its regeneration.
     """
-    known = 0.0, 0.0
+    shown, spring, damper = recorded, 0.0, 0.0
     if terms:  # what they are in the spectrum is not the machine's
         rough = _fit_base(_spectrum(recorded, given), given).linear
         yield None
-        beside, known = linearised(recorded, rough, terms, given.modes[0].omega)
-        given = given.beside(*known)
+        shown, (spring, damper) = linearised(recorded, rough, terms, given.modes[0].omega)
+        given = given.beside(spring, damper)
         yield None
-    spectrum = _spectrum(beside if terms else recorded, given)
+    spectrum = _spectrum(shown, given)
     yield None
     as_given = _fit_base(spectrum, given, fixed_modes=True)
     yield None
@@ -126,7 +126,6 @@ def refit(recorded: Recorded, given: Linear, terms: tuple[AppliedTerm, ...]) -> 
     p = float(stats.chi2.sf(2.0 * retuned_nats, freedom))
     newest = slice(-round(_WHITENED_S * recorded.rate_hz), None)
     part = Recorded(recorded.samples[newest], recorded.missing[newest], recorded.rate_hz)
-    spring, damper = known
     machine = fitted.linear.beside(-spring, -damper)
     innovations = Innovations(part, *_observed(machine, terms))
     omission, gain_nats = leader[:2] if leader else (None, 0.0)

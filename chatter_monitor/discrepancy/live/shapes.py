@@ -38,12 +38,9 @@ def of_another_mode(linear: Linear, rate_hz: float, bands: int) -> NDArray[np.fl
     at = (np.arange(bands) + 0.5) * nyquist_hz / bands
     main = linear.modes[0]
     apart = [abs(at - mode.frequency_hz) > SEPARATE * mode.damping_ratio * mode.frequency_hz for mode in linear.modes]
-    w = 2.0 * np.pi * at
-    receptance = sum(
-        m.participation**2 / (m.omega**2 - w**2 + 2j * m.damping_ratio * m.omega * w) for m in linear.modes
-    )
-    loud = LOUDNESS * np.abs(receptance)
-    participation = np.sqrt(loud * 2.0 * main.damping_ratio * w**2)  # squared, over its impedance at resonance
+    loud = LOUDNESS * np.abs(linear.receptance(at))
+    impedance = 2.0 * main.damping_ratio * (2.0 * np.pi * at) ** 2  # at resonance, of one that takes part wholly
+    participation = np.sqrt(loud * impedance)
     now = log_density(linear, at, nyquist_hz)
     shapes = []
     for i in np.flatnonzero(np.all(apart, axis=0)):

@@ -190,12 +190,9 @@ class Watch:
             return
         mean = float(np.mean(recorded.samples[present]))
         recorded = replace(recorded, samples=np.where(present, recorded.samples - mean, 0.0))
-        system, sensor = self._system, self._system.sensor
-        delayed = [a for a in system.terms if a.term.name == "regenerative_delay"]
-        given = Linear(system.modes, sensor.quantity, 1e-3, sensor.low_cut_hz, system.spindle)
-        if delayed and system.spindle is not None:
-            given = replace(given, delay_s=system.spindle.delay_s, regeneration=delayed[0].values[0])
-        self._work = refit(recorded, given, tuple(a for a in system.terms if a not in delayed))
+        regeneration = next((a for a in self._system.terms if a.term.name == "regenerative_delay"), None)
+        others = tuple(applied for applied in self._system.terms if applied is not regeneration)
+        self._work = refit(recorded, Linear.of(self._system, regeneration), others)
 
     def _adopt(self, epoch: _Epoch, result: Refit) -> None:
         """Let the epoch run through the new observer."""
