@@ -30,7 +30,7 @@ class Flag(enum.IntFlag):
 
     def names(self) -> list[str]:
         """Lower-case names of the flags that are set, in a fixed order."""
-        return [member.name.lower() for member in self if member.name]
+        return [member.name.lower() for member in self if member.name] if self else []
 
 
 class ModeStatus(enum.IntEnum):

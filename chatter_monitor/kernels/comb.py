@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.median import median
-from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.options import EXACT, OPTIONS
 
 FLOOR_BINS = 128
 # What a self-excited vibration brings along: multiples of its frequency, and sidebands on either side of each.
@@ -14,6 +14,13 @@ OVERTONES = 3
 SIDEBANDS = 4
 FORCED = 8  # and multiples of the sidebands' spacing
 PARTS = 3  # the distance of two sidebands is up to so many times their spacing
+
+
+@njit(**EXACT)
+def power_of(amplitudes, power):
+    """Fill in the power of complex amplitudes."""
+    for b in range(power.shape[0]):
+        power[b] = amplitudes[b].real * amplitudes[b].real + amplitudes[b].imag * amplitudes[b].imag
 
 
 @njit(**OPTIONS)
@@ -42,6 +49,15 @@ def crests(power, line_to_noise, lowest, scratch, peaks):
     count = 0
     middle = FLOOR_BINS // 4
     for begin in range(0, power.shape[0], FLOOR_BINS):
+        highest = 0.0
+        for b in range(begin, begin + FLOOR_BINS):
+            highest = max(highest, power[b])
+        enough = highest * math.log(2.0) / line_to_noise
+        loud = 0
+        for i in range(FLOOR_BINS // 2):
+            loud += power[begin + 2 * i] > enough
+        if loud > middle:  # so is the median, and nothing stands out: no need to find it
+            continue
         for i in range(FLOOR_BINS // 2):
             scratch[i] = power[begin + 2 * i]
         upper = median(scratch)
@@ -73,6 +89,19 @@ def apart(frequencies, least, kept):
             kept[count] = i
             count += 1
     return count
+
+
+@njit(**OPTIONS)
+def common_without_one(orders, common):
+    """Greatest common divisor of all orders but one, for each of them; shape (n,) both, n at least 2."""
+    behind = 0
+    for i in range(orders.shape[0] - 1, -1, -1):
+        common[i] = behind
+        behind = math.gcd(behind, orders[i])
+    before = 0
+    for i in range(orders.shape[0]):
+        common[i] = math.gcd(before, common[i])
+        before = math.gcd(before, orders[i])
 
 
 @njit(**OPTIONS)

@@ -102,3 +102,31 @@ def rightmost_root(omega, zeta, kappa, tau):
         if converged and p.imag > 0.0 and p.real > rightmost.real:
             rightmost = p
     return rightmost
+
+
+@njit(**OPTIONS)
+def ratio_and_damping(physical, near):
+    """Kappa over its critical value, and damping ratio of the root next to one over omega.
+
+    ``physical`` are the logarithm of omega, that of zeta, kappa, and the logarithm of tau.
+    """
+    omega, zeta, kappa, tau = math.exp(physical[0]), math.exp(physical[1]), physical[2], math.exp(physical[3])
+    root, _ = polish_root(near, zeta, kappa, omega * tau)
+    return kappa / critical_coefficient(omega, zeta, tau), -root.real / abs(root)
+
+
+@njit(**OPTIONS)
+def sensitivity(physical, near, step, gradients):
+    """Gradients of `ratio_and_damping` by each of its parameters, by central differences of so large a step.
+
+    ``gradients`` has the shape (2, 4); ``physical`` is changed and left as it was.
+    """
+    for i in range(physical.shape[0]):
+        here = physical[i]
+        physical[i] = here + step
+        above = ratio_and_damping(physical, near)
+        physical[i] = here - step
+        below = ratio_and_damping(physical, near)
+        physical[i] = here
+        gradients[0, i] = (above[0] - below[0]) / (2.0 * step)
+        gradients[1, i] = (above[1] - below[1]) / (2.0 * step)

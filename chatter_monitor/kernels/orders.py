@@ -311,27 +311,3 @@ def renew(tables, state):
             state.tables[row, 1 + i] = tables[row, i]
         for i in range(2):
             state.tables[row, 1 + points + i] = tables[row, i]
-
-
-@njit(**OPTIONS)
-def share_taken(before, after):
-    """Share of the variance that went with the synchronous part; samples that are not finite do not count."""
-    count = 0
-    mean_before = 0.0
-    mean_after = 0.0
-    for t in range(before.shape[0]):
-        if abs(before[t]) < np.inf:
-            count += 1
-            mean_before += before[t]
-            mean_after += after[t]
-    if count == 0:
-        return 0.0
-    mean_before /= count
-    mean_after /= count
-    power = 0.0
-    left = 0.0
-    for t in range(before.shape[0]):
-        if abs(before[t]) < np.inf:
-            power += (before[t] - mean_before) ** 2
-            left += (after[t] - mean_after) ** 2
-    return max(0.0, 1.0 - left / power) if power > 0.0 else 0.0

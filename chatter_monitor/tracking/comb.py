@@ -32,6 +32,8 @@ AHEAD = 3.0
 PLACES = kernel.OVERTONES * (2 * kernel.SIDEBANDS + 1) + kernel.FORCED
 # Log of the odds against chance, over all the combs that were tried.
 ENOUGH = math.log(1000.0)
+# Logarithms of the factorials of numbers up to that of the lines.
+_LOG_FACTORIAL = gammaln(np.arange(STRONGEST + 1) + 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +87,8 @@ class Target:
         """
         if len(orders) < 3:
             return False
-        up, down = np.gcd.accumulate(orders), np.gcd.accumulate(orders[::-1])[::-1]
-        common = np.concatenate([down[1:2], np.gcd(up[:-2], down[2:]), up[-2:-1]])
+        common = np.empty(len(orders), np.int64)
+        kernel.common_without_one(orders, common)
         if self.teeth is None:
             return bool((common * fundamental_hz <= self.high_hz).all())
         return bool((self.teeth % common == 0).all())
@@ -120,14 +122,18 @@ class Spectrum:
         self._bin_hz = sample_rate_hz / self._size
         self._lowest_hz = lowest_hz
         self._exact_hz = EXACT_BINS * sample_rate_hz / samples
+        self._windowed = np.zeros(self._size)  # and as many zeros as make a fast transform
+        self._amplitudes = np.empty(self._size // 2 + 1, complex)
+        self._power = np.empty(self._size // 2)
         self._scratch = np.empty(kernel.FLOOR_BINS // 2)
         self._peaks = np.empty(self._size // 2, np.int64)
         self._kept = np.empty(STRONGEST, np.int64)
 
     def lines(self, samples: NDArray[np.float64]) -> Lines:
         """The strongest lines that stand out of the noise around them."""
-        spectrum = np.fft.rfft(samples * self._window, self._size)[:-1]
-        power = spectrum.real**2 + spectrum.imag**2
+        power = self._power
+        np.multiply(samples, self._window, out=self._windowed[: len(samples)])
+        kernel.power_of(np.fft.rfft(self._windowed, out=self._amplitudes), power)
         lowest = math.ceil(self._lowest_hz / self._bin_hz)
         peaks = self._peaks[: kernel.crests(power, LINE_TO_NOISE, lowest, self._scratch, self._peaks)]
         peaks = peaks[power[peaks] >= FAINTEST * power[peaks].max(initial=0.0)]
@@ -186,8 +192,8 @@ def _best_family(lines: Lines) -> tuple[float, NDArray[np.bool_]]:
 
 def _choices(n: int, k: NDArray[np.int64]) -> NDArray[np.float64]:
     """Log of the number of ways to choose k of n."""
-    k = np.clip(k, 0, n)
-    result: NDArray[np.float64] = gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1)
+    k = np.minimum(np.maximum(k, 0), n)
+    result: NDArray[np.float64] = _LOG_FACTORIAL[n] - _LOG_FACTORIAL[k] - _LOG_FACTORIAL[n - k]
     return result
 
 

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_monitor.kernels.conditioning import copy_present
 from chatter_monitor.tracking.comb import Comb, Lines, Spectrum, Target, find_comb
 from chatter_monitor.tracking.harmonics import Harmonics
 from chatter_monitor.tracking.turns import TURNS, Piecemeal, in_turn
@@ -103,12 +104,9 @@ class CombFollower:
         if self.harmonics is not None:
             self.harmonics.learn()
             self._check(self.harmonics)
-        present = np.isfinite(samples)
-        if present.all():
-            self._past[self._frames % len(self._past)] = samples
+        if copy_present(samples, math.inf, self._past[self._frames % len(self._past)]) == len(samples):
             self._heard = min(self._heard + 1, self._window)
         else:
-            self._past[self._frames % len(self._past)] = np.where(present, samples, 0.0)
             self.forget()
         self._rest -= 1
         if self.harmonics is None and self._rest <= 0 and self._search is None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels import orders as kernel
+from chatter_monitor.kernels.taken import strongest
 
 # Relative change of speed in a second: of the steadiest spindle and of the most unsteady one that are followed.
 LEAST_WANDER = 3e-4
@@ -75,7 +76,6 @@ class Harmonics:
     def strongest(self, count: int) -> list[tuple[int, float]]:
         """Order and root mean square of what is subtracted, strongest first."""
         state = self._state
-        rows = np.flatnonzero(state.gate)
-        rms = state.gate[rows] * np.hypot(state.real[rows], state.imag[rows]) / math.sqrt(2.0)
-        strongest = np.argsort(-rms, kind="stable")[:count]
-        return list(zip((rows[strongest] + 1).tolist(), rms[strongest].tolist(), strict=True))
+        orders, rms = np.empty(count, np.int64), np.empty(count)
+        found = strongest(state.real, state.imag, state.gate, orders, rms)
+        return list(zip(orders[:found].tolist(), rms[:found].tolist(), strict=True))

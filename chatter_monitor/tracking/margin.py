@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.errors import InputError
-from chatter_monitor.kernels.delay_roots import critical_coefficient, polish_root, rightmost_root
+from chatter_monitor.kernels.delay_roots import critical_coefficient, ratio_and_damping, rightmost_root, sensitivity
 from chatter_monitor.kernels.whittle import KAPPA, LOG_OMEGA, LOG_TAU, LOG_ZETA
 from chatter_monitor.tracking.periodogram import AveragedPeriodogram, spindle_lines, strongest_peak_hz
 from chatter_monitor.tracking.regeneration import Band, Fit, Pieces, Prior, fit, search
@@ -112,10 +112,8 @@ def margin_of(found: Fit, lack_of_fit: float) -> Margin:
     omega, zeta, kappa, tau = _natural(physical)
     root = rightmost_root(omega, zeta, kappa, tau)
     gradients = np.empty((2, len(physical)))
-    for i, step in enumerate(1e-5 * np.eye(len(physical))):
-        above, below = _ratio_and_damping(physical + step, root), _ratio_and_damping(physical - step, root)
-        gradients[:, i] = (above - below) / 2e-5
-    ratio, damping = _ratio_and_damping(physical, root).tolist()
+    sensitivity(physical, root, 1e-5, gradients)
+    ratio, damping = ratio_and_damping(physical, root)
     ratio_sd, damping_sd = np.sqrt(np.einsum("ij,jk,ik->i", gradients, covariance, gradients)).tolist()
     if not math.isfinite(ratio_sd + damping_sd):
         return Margin(reason=_UNLIKE)
@@ -147,12 +145,6 @@ def _natural(physical: Array) -> tuple[float, float, float, float]:
     """Omega, zeta, kappa, tau."""
     log_omega, log_zeta, kappa, log_tau = physical.tolist()
     return math.exp(log_omega), math.exp(log_zeta), kappa, math.exp(log_tau)
-
-
-def _ratio_and_damping(physical: Array, near: complex) -> Array:
-    omega, zeta, kappa, tau = _natural(physical)
-    root, _ = polish_root(near, zeta, kappa, omega * tau)
-    return np.array([kappa / critical_coefficient(omega, zeta, tau), -root.real / abs(root)])
 
 
 def _percent(ratio: float) -> float:

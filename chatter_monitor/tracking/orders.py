@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.kernels.orders import share_taken
+from chatter_monitor.kernels.taken import share_taken
 from chatter_monitor.tracking.comb import Target
 from chatter_monitor.tracking.follower import CombFollower
 from chatter_monitor.tracking.harmonics import Harmonics

@@ -142,7 +142,8 @@ class Tracker:
         while begin < len(samples):
             size = min(len(samples) - begin, self._interval - self._filled)
             self._track(samples[begin : begin + size])
-            self._flags |= flags
+            if flags:  # an enumeration takes its time to join nothing to nothing
+                self._flags |= flags
             self._lost += min(lost, size)
             lost -= min(lost, size)
             begin += size
