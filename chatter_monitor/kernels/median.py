@@ -105,9 +105,13 @@ def medians_where(columns, status, hold, wanted, values, medians, counts):
         for t in range(0, rows, hold[m]):
             counts[m, status[t, m]] += min(hold[m], rows - t)
         for i in range(len(columns)):
+            medians[m, i] = math.nan
+            if 2 * counts[m, wanted] <= rows:
+                continue
             found = 0
-            for t in range(0, rows, hold[m]):
-                if status[t, m] == wanted and not math.isnan(columns[i][t, m]):
-                    values[found] = columns[i][t, m]
-                    found += 1
-            medians[m, i] = median_of_many(values[:found]) if 2 * counts[m, wanted] > rows and found > 0 else math.nan
+            for t in range(0, rows, hold[m]):  # without a branch: which values count changes without a rule
+                value = columns[i][t, m]
+                values[found] = value
+                found += (status[t, m] == wanted) & (value == value)
+            if found > 0:
+                medians[m, i] = median_of_many(values[:found])

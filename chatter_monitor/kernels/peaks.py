@@ -35,9 +35,12 @@ def mark_multiples(spectrum, spacing, excess, scratch, lines):
     for order in range(int(np.ceil(SURROUNDINGS / spacing)), int(np.floor(last / spacing)) + 1):
         centre = int(np.rint(order * spacing))
         top = max(spectrum[centre - 1], spectrum[centre], spectrum[centre + 1])
+        enough = top / excess
+        above = 0
         for i in range(scratch.shape[0]):
             scratch[i] = spectrum[centre - SURROUNDINGS + i]
-        if top > excess * median(scratch):
+            above += scratch[i] >= enough
+        if above <= SURROUNDINGS and top > excess * median(scratch):  # else the median is above, too
             for b in range(centre - LINE_BINS, centre + LINE_BINS + 1):
                 lines[b] = True
 

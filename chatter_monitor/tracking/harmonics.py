@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 from chatter_monitor.kernels import orders as kernel
 from chatter_monitor.kernels.taken import strongest
@@ -66,8 +67,8 @@ class Harmonics:
         state = self._state
         if state.angle[kernel.TURNED] < 2.0 * math.pi or not state.counts[kernel.FOLDED]:
             return
-        kernel.learn(np.fft.rfft(state.fold), state, self._lowest, self._memory)
-        kernel.renew(np.fft.irfft(state.spectra, axis=1), state)
+        kernel.learn(fft.rfft(state.fold), state, self._lowest, self._memory)
+        kernel.renew(fft.irfft(state.spectra, axis=1), state)
 
     def clear(self) -> NDArray[np.int64]:
         """Orders that are steady beyond doubt."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 from chatter_monitor.kernels import lines
 from chatter_monitor.kernels.engagement import ENTERED, LONGEST
@@ -111,6 +112,8 @@ class Spectrum:
         self._valid = np.zeros(lines.FRAME_HOPS, np.bool_)
         self._peaks = np.zeros(LINES, np.int64)
         self._measures = np.zeros((LINES, lines.MEASURES))
+        self._units = np.ones(lines.MEASURES)  # of the kernel, which counts in bins and hops
+        self._units[[lines.BIN, lines.PROMINENCE, lines.GROWTH]] = self._bin_hz, DECIBELS, 1.0 / self._hop_s
 
     @property
     def cutting(self) -> bool:
@@ -140,14 +143,10 @@ class Spectrum:
         first = len(signal) - hops * self._hop + self._hop  # the last window ends with the frame
         pieces, valid = self._pieces[:hops], self._valid[:hops]
         heard = lines.cut_out(self._samples, self._window, first, self._hop, LARGEST_SAMPLE, pieces, valid)
-        transforms = np.fft.rfft(pieces) if heard else self._silence[:hops]
+        transforms = fft.rfft(pieces) if heard else self._silence[:hops]
         start = self._taken + first
         self._taken += len(signal)
         count = lines.follow(
             transforms, valid, start, self._hop, self._lowest, turns, self._state, self._peaks, self._measures
         )
-        found = self._measures[:count]  # which the kernel counts in bins and hops
-        found[:, lines.BIN] *= self._bin_hz
-        found[:, lines.PROMINENCE] *= DECIBELS
-        found[:, lines.GROWTH] /= self._hop_s
-        return [Line(*measures) for measures in found.tolist()]
+        return [Line(*measures) for measures in (self._measures[:count] * self._units).tolist()]

@@ -79,7 +79,10 @@ class Vibration(NamedTuple):
     @property
     def place(self) -> Place | None:
         """Among the multiples of the rotation, or of the teeth where those are too dense; None where both are."""
-        return next((place for place in (self.rotation, self.teeth) if place is not None and place.telling), None)
+        for place in (self.rotation, self.teeth):
+            if place is not None and place.telling:
+                return place
+        return None
 
     @property
     def on_order(self) -> bool:
@@ -190,12 +193,13 @@ def place_among_orders(frequency_hz: float, orders: Orders, spacing: int) -> Pla
 
     As long as the spindle is not heard its lines are still in the signal; those that are not resolved may be anywhere.
     """
-    if orders.rotation_hz is None:
+    rotation_hz = orders.rotation_hz
+    if rotation_hz is None:
         return None
-    spacing_hz = orders.rotation_hz * spacing
+    spacing_hz = rotation_hz * spacing
     if orders.source == "given" and spacing_hz < RESOLUTION_HZ:
         return Place(near=True, by_chance=1.0)
-    deviation = (orders.rotation_sd_hz or 0.0) / orders.rotation_hz
+    deviation = (orders.rotation_sd_hz or 0.0) / rotation_hz
     tolerance_hz = max(ORDER_TOLERANCE_HZ, SPEED_DEVIATIONS * deviation * frequency_hz)
     order = round(frequency_hz / spacing_hz)
     near = order >= 1 and abs(frequency_hz - order * spacing_hz) < tolerance_hz

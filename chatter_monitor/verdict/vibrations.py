@@ -135,19 +135,19 @@ def forced_share(synchronous: float, vibrations: Iterable[Followed]) -> float:
 
 def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
     """Prominent lines of an interval as the kernel takes them, shape (vibrations,)."""
-    own = [v.line.share * left(v.line, evidence) for v in evidence.vibrations]
-    heard = evidence.orders.source == "refined" and evidence.orders.heard
-    rows = []
-    for v, dominance in zip(evidence.vibrations, own, strict=True):
-        at_its_place = order_odds(v, evidence.orders, odds)
+    vibrations, orders = evidence.vibrations, evidence.orders
+    own = [v.line.share * left(v.line, evidence) for v in vibrations]
+    heard = orders.source == "refined" and orders.heard
+    numbers: list[float] = []  # one after the other they are put into an array several times faster than as records
+    for v, dominance in zip(vibrations, own, strict=True):
+        line = v.line
+        at_its_place = order_odds(v, orders, odds)
         if at_its_place > 0.0:  # teeth have overtones, too
-            dominance += sum(
-                more for o, more in zip(evidence.vibrations, own, strict=True) if is_overtone(o.line, v.line)
-            )
-        line = with_news(v.line) if heard and at_its_place > 0.0 else v.line
-        rows.append((*line[:-1], v.damping_ratio, at_its_place, dominance))
-    # plain numbers are put into an array several times faster than records
-    return np.array(rows, dtype=np.float64).reshape(-1).view(LINE)
+            dominance += sum(more for o, more in zip(vibrations, own, strict=True) if is_overtone(o.line, line))
+            if heard:
+                line = with_news(line)
+        numbers += (*line[:-1], v.damping_ratio, at_its_place, dominance)
+    return np.array(numbers, dtype=np.float64).view(LINE)
 
 
 def with_news(line: Line) -> Line:
@@ -174,6 +174,8 @@ def left(line: Line, evidence: Evidence) -> float:
     Beside a strong order something is always left, for it is neither quite steady nor its speed quite known.
     """
     orders = evidence.orders
+    if not orders.lines and not orders.other_lines:
+        return 1.0
     here = line.share * evidence.rms**2 * (1.0 - orders.synchronous_share)
     lines = (*orders.lines, *orders.other_lines)
     taken = max((o.rms**2 for o in lines if abs(o.frequency_hz - line.frequency_hz) < LINE_WIDTH_HZ), default=0.0)
