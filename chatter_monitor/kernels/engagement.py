@@ -6,7 +6,8 @@ so, nothing is being cut. What it falls to next time is learned anew, for a room
 the tool is taken to be in the cut: who does not know misses nothing. When the room itself gets louder it is taken to be
 in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters. So is what
 begins where nothing but noise was heard, no line and nothing that turns, if it lifts the noise at once as well: a
-vibration that grows by itself comes before the noise that it makes.
+vibration that grows by itself comes before the noise that it makes. What falls while most of what is heard goes on,
+fainter, is a cut that gets lighter.
 """
 
 import math
@@ -32,17 +33,17 @@ LONE = 0.2
 STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 
 # Indices of what is known of the air: its level, the logarithm of the power that it does not reach, that of the cut
-# before it, and frames since it ended, those in which the tool enters and all.
-LEVEL, LIMIT, CUT, ENTERED, SINCE = range(5)
+# before it, and frames since it ended, those in which the tool enters and all; frames since the cut has got lighter.
+LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE = range(6)
 
 
 def new_air():
     """Nothing is known of it; the tool is in the cut."""
-    return np.array([-math.inf, -math.inf, -math.inf, LONGEST, math.inf])
+    return np.array([-math.inf, -math.inf, -math.inf, LONGEST, math.inf, 0.0])
 
 
 @njit(**OPTIONS)
-def engaged(levels, powers, crests, head, air, scratch):
+def engaged(levels, powers, crests, fainter, head, air, scratch):
     """Whether the tool is in the cut and has been for a moment.
 
     Parameters
@@ -51,9 +52,11 @@ def engaged(levels, powers, crests, head, air, scratch):
         Rings: mean over the bins of the logarithm of their power, and logarithm of the whole power, in each frame.
     crests : ndarray, shape (frames,)
         Ring: how far the line that stands out most does, infinite where something turns.
+    fainter : bool
+        Whether most of what is heard goes on, fainter.
     head : int
         Column after the newest, counted from the start without wrapping.
-    air : ndarray of float64, shape (5,)
+    air : ndarray of float64, shape (6,)
         What is known of the air, changed in place.
     scratch : ndarray, shape (>= BEFORE,)
         Work space.
@@ -61,19 +64,23 @@ def engaged(levels, powers, crests, head, air, scratch):
     columns = levels.shape[0]
     newest = (head - 1) % columns
     level, power = levels[newest], powers[newest]
+    air[ALIKE] += 1.0
     out = level <= air[LEVEL] + NEAR and power <= air[LIMIT]
     if out:
         air[LEVEL] += (level - air[LEVEL]) * (1.0 if level < air[LEVEL] else FOLLOWING)
-    elif head >= FALLING + BEFORE // 2:
+    elif air[ALIKE] >= FALLING + BEFORE // 2:
         last, then = (head - 2) % columns, (head - 1 - FALLING) % columns
-        level_before, power_before = _before(levels, head, scratch), _before(powers, head, scratch)
+        level_before = _before(levels, head, air[ALIKE], scratch)
+        power_before = _before(powers, head, air[ALIKE], scratch)
         if max(level, levels[last]) <= level_before - FALL:
-            out = True
+            out = not fainter
+            air[ALIKE] = air[ALIKE] if out else 0.0
+        if out:
             air[LEVEL], air[LIMIT], air[CUT] = level, max(power_before - FALL, power + NEAR), power_before
         elif air[ENTERED] >= LONGEST:
             rose, louder = level - levels[then], power - powers[then] >= FALL
             out = louder and power_before <= air[CUT] - FALL and rose >= FALL
-            if louder and not out and _before(crests, head, scratch) < NOISE:
+            if louder and not out and _before(crests, head, air[ALIKE], scratch) < NOISE:
                 out = rose >= max(NEAR, LONE * crests[newest])
     if out:
         air[ENTERED] = air[SINCE] = 0.0
@@ -88,9 +95,9 @@ def engaged(levels, powers, crests, head, air, scratch):
 
 
 @njit(**OPTIONS)
-def _before(values, head, scratch):
-    """Median of the frames before a fall."""
-    count = min(BEFORE, head - FALLING)
+def _before(values, head, alike, scratch):
+    """Median of the frames before a fall, of so many that are alike."""
+    count = min(BEFORE, int(alike) - FALLING)
     for i in range(count):
         scratch[i] = values[(head - 1 - FALLING - i) % values.shape[0]]
     return median(scratch[:count])

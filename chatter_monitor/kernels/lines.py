@@ -68,7 +68,7 @@ class LineState(NamedTuple):
         the most prominent line, infinite where something turned.
     cutting : ndarray of bool, shape (frames,)
         Whether the tool was in the cut in each frame.
-    air : ndarray of float64, shape (5,)
+    air : ndarray of float64, shape (6,)
         What is known of the air (`kernels.engagement`).
     counts : ndarray of int64, shape (3,)
     sums : ndarray of float64, shape (bins + 1,)
@@ -137,7 +137,7 @@ def cut_out(samples, window, first, hop, largest, pieces, valid):
 
 
 @njit(**OPTIONS)
-def follow(transforms, valid, start, hop, lowest, turns, state, peaks, measures):
+def follow(transforms, valid, start, hop, lowest, turns, fainter, state, peaks, measures):
     """Take in the transforms of a frame, find its most prominent lines and describe each.
 
     Parameters
@@ -152,6 +152,8 @@ def follow(transforms, valid, start, hop, lowest, turns, state, peaks, measures)
         First bin that counts as vibration.
     turns : bool
         Whether something that turns has been taken out.
+    fainter : bool
+        Whether most of what is heard goes on, fainter.
     state : LineState
         Changed in place.
     peaks : ndarray of int64, shape (lines,)
@@ -181,7 +183,9 @@ def follow(transforms, valid, start, hop, lowest, turns, state, peaks, measures)
     state.totals[column] = math.log(total + TINY)
     count = most_prominent(relief, lowest, peaks)
     state.crests[column] = math.inf if turns or count == 0 else relief[peaks[0]]
-    state.cutting[column] = engaged(state.levels, state.totals, state.crests, counts[FRAMES], state.air, state.scratch)
+    state.cutting[column] = engaged(
+        state.levels, state.totals, state.crests, fainter, counts[FRAMES], state.air, state.scratch
+    )
     for b in range(relief.shape[0]):
         reliefs[b, column] = relief[b]
         state.powers[b, column] = state.sums[b + 1] - state.sums[b]

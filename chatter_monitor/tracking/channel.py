@@ -33,6 +33,8 @@ class Observation:
         Whether the tool is in the cut, as far as is known.
     margin : Margin
         How far the cut is from chatter, where the speed is known.
+    entering : bool
+        Whether it enters the cut just now.
     """
 
     odp: OdpFrame
@@ -40,6 +42,7 @@ class Observation:
     lines: tuple[Line, ...]
     cutting: bool
     margin: Margin
+    entering: bool = False
 
 
 class Channel:
@@ -124,13 +127,13 @@ class Channel:
         orders = [self._waiting.popleft() for _ in odps]
         lines = [self._lines_of(odp, turned) for odp, turned in zip(odps, orders, strict=True)]
         margins = [self._margin_of(odp, turned) for odp, turned in zip(odps, orders, strict=True)]
-        for odp, turned, (found, cutting), margin in zip(odps, orders, lines, margins, strict=True):
-            yield Observation(odp, turned, found, cutting, margin)
+        for odp, turned, (found, cutting, entering), margin in zip(odps, orders, lines, margins, strict=True):
+            yield Observation(odp, turned, found, cutting, margin, entering)
 
-    def _lines_of(self, frame: OdpFrame, orders: Orders) -> tuple[tuple[Line, ...], bool]:
-        """Lines of a frame, and whether the tool is in the cut."""
-        found = self._spectrum.take(frame.signal, alike=not orders.returned, turns=orders.heard)
-        return tuple(found), self._spectrum.cutting
+    def _lines_of(self, frame: OdpFrame, orders: Orders) -> tuple[tuple[Line, ...], bool, bool]:
+        """Lines of a frame, and whether the tool is in the cut or enters it."""
+        found = self._spectrum.take(frame.signal, alike=not orders.returned, turns=orders.heard, fainter=orders.fainter)
+        return tuple(found), self._spectrum.cutting, self._spectrum.entering
 
     def _margin_of(self, frame: OdpFrame, orders: Orders) -> Margin:
         """Margin at the end of a frame; the delay is known only with the spindle, not with any comb."""

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_monitor.kernels.repeats import got_fainter, new_repeats, repeating_share
 from chatter_monitor.kernels.taken import share_taken
 from chatter_monitor.tracking.comb import Target
 from chatter_monitor.tracking.follower import CombFollower
@@ -97,6 +98,10 @@ class Orders(NamedTuple):
         What was taken out at that comb's orders.
     returned : bool
         Whether a comb is not taken out any more that was in the frame before: its lines are in the signal again.
+    repeating_share : float
+        Share of the power that repeats what was 50 to 100 ms before, combs taken out or not (`kernels.repeats`).
+    fainter : bool
+        Whether most of the signal goes on repeating, and has just got fainter.
     """
 
     first_sample: int
@@ -108,6 +113,8 @@ class Orders(NamedTuple):
     other_hz: float | None = None
     other_lines: tuple[OrderLine, ...] = ()
     returned: bool = False
+    repeating_share: float = 0.0
+    fainter: bool = False
 
     @property
     def heard(self) -> bool:
@@ -150,6 +157,8 @@ class OrderTracker:
             for target in (self._target(), anything)
         ]
         self._signals = np.empty((len(self._followers) + 1, size))  # before, between and after the followers
+        self._repeats = new_repeats(size)
+        self._repeating = 0.0
         self._filled = 0
         self._undigested = False  # whether the signals are those of a whole frame that has ended
         self._next_sample = 0
@@ -234,6 +243,8 @@ class OrderTracker:
     def _frame(self) -> Orders:
         """Describe the frame that has come in so far."""
         first_sample = self._next_sample - self._filled
+        if self._filled == self._signals.shape[1]:  # a last, shorter frame tells nothing new
+            self._repeating = repeating_share(self._signals[0], self._repeats)
         share = share_taken(self._signals[0, : self._filled], self._signals[-1, : self._filled])
         before, share_before = self._taken
         self._taken = sum(follower.harmonics is not None for follower in self._followers), share
@@ -252,7 +263,19 @@ class OrderTracker:
                 self._heard = (spindle.rotation_hz, spindle.rotation_sd_hz, first_sample)
         else:
             hertz, sd_hz, source = self._from_memory(first_sample)
-        return Orders(first_sample, hertz, sd_hz, source, share, lines, other_hz, other_lines, returned)
+        return Orders(
+            first_sample,
+            hertz,
+            sd_hz,
+            source,
+            share,
+            lines,
+            other_hz,
+            other_lines,
+            returned,
+            self._repeating,
+            bool(got_fainter(self._repeats)),
+        )
 
     def _from_memory(self, sample: int) -> tuple[float | None, float | None, Source | None]:
         """Speed, standard deviation and source while the spindle is not heard."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from chatter_monitor.kernels import lines
-from chatter_monitor.kernels.engagement import ENTERED, LONGEST
+from chatter_monitor.kernels.engagement import ENTERED, LONGEST, SINCE
 from chatter_monitor.kernels.kinds import COHERENCE_LAG_S, coherence_damping
 from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
 
@@ -120,7 +120,14 @@ class Spectrum:
         """Whether the tool is in the cut, as far as is known (`kernels.engagement`)."""
         return bool(self._state.air[ENTERED] >= LONGEST)
 
-    def take(self, signal: NDArray[np.float64], *, alike: bool = True, turns: bool = False) -> list[Line]:
+    @property
+    def entering(self) -> bool:
+        """Whether it is not in the cut yet, but in the air no more."""
+        return not self.cutting and bool(self._state.air[SINCE] > 0)
+
+    def take(
+        self, signal: NDArray[np.float64], *, alike: bool = True, turns: bool = False, fainter: bool = False
+    ) -> list[Line]:
         """Take the samples of the next frame and return its lines, most prominent first.
 
         Parameters
@@ -132,6 +139,8 @@ class Spectrum:
             risen out of what was before.
         turns : bool
             Whether something that turns has been taken out of it.
+        fainter : bool
+            Whether most of what is heard goes on, fainter: the cut has got lighter, and the tool has not left.
         """
         if not alike:
             self._state.counts[lines.ALIKE] = 0
@@ -147,6 +156,6 @@ class Spectrum:
         start = self._taken + first
         self._taken += len(signal)
         count = lines.follow(
-            transforms, valid, start, self._hop, self._lowest, turns, self._state, self._peaks, self._measures
+            transforms, valid, start, self._hop, self._lowest, turns, fainter, self._state, self._peaks, self._measures
         )
         return [Line(*measures) for measures in (self._measures[:count] * self._units).tolist()]

@@ -108,8 +108,8 @@ class Evidence(NamedTuple):
         What turns with the spindle.
     margin : Margin
         How far the cut is from chatter.
-    cutting : bool
-        The tool is in the cut, as far as is known.
+    cutting, entering : bool
+        The tool is in the cut, as far as is known; it enters it just now.
     held : bool
         No sample of the interval could be adapted to: nothing moves.
     starting : bool
@@ -129,6 +129,7 @@ class Evidence(NamedTuple):
     starting: bool
     rms: float
     flags: Flag
+    entering: bool = False
 
 
 def modes_evidence(frame: OdpFrame) -> tuple[list[ModeEvidence | None], list[list[int]]]:
@@ -178,6 +179,7 @@ def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
         starting=any(counts[STARTING] for counts in statuses),
         rms=frame.rms / math.sqrt(max(1.0 - orders.synchronous_share, 1e-6)),
         flags=frame.flags,
+        entering=observation.entering,
     )
 
 

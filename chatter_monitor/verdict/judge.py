@@ -13,7 +13,7 @@ import msgspec
 from chatter_monitor.kernels.vibrations import Rules
 from chatter_monitor.records import Flag, State, Verdict
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration, probability_below, spindle_order
-from chatter_monitor.verdict.vibrations import Followed, Following, forced_share
+from chatter_monitor.verdict.vibrations import Followed, Following, repeating_share, steady_share
 
 # States in which a cut has no margin: none is made, nothing is known, or there is nothing left of it.
 WITHOUT_MARGIN = ("idle", "unknown", "self_excited")
@@ -25,10 +25,12 @@ MOST = 0.5
 # How likely more than half of the power is forced, by the share that is heard as such, fitted to development cuts
 # without tones from elsewhere: with none of it; the share half-way to certainty, and how far from it the odds change
 # e-fold.
-FORCED_WITH_NONE = 0.06
-HALF_WAY, SHARE_DOUBT = 0.33, 0.11
+FORCED_WITH_NONE = 0.01
+HALF_WAY, SHARE_DOUBT = 0.57, 0.11
 # Of the warnings that come long before an alarm, so many were right, likewise: the others were late, or forced.
 WARNING_RIGHT = 0.4
+# Of what is forced so much is heard as steady: the rest is unsteady, or in lines too weak to stand out.
+HEARD_AS_STEADY = 0.67
 # By so much the share may be below the border before what was called forced is not any more, and the other way round.
 HYSTERESIS = 0.05
 # Weight of an interval in the average of the shares: what is said does not flicker.
@@ -59,8 +61,7 @@ class JudgeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     certainty : float
         Probability with which damping or margin has to be below its threshold.
     forced_share : float
-        Share of the power that is heard as forced from which on the cut is called forced. Only what is steady is heard
-        as such, some two thirds of what teeth do.
+        Share of the power that is forced from which on the cut is called forced.
     idle_ratio : float
         Below this share of the loudest level of the last minute, nothing is being cut.
     """
@@ -71,7 +72,7 @@ class JudgeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     approaching_damping: Positive = 0.003
     approaching_margin_percent: Positive = 15.0
     certainty: Probability = 0.9
-    forced_share: Probability = 0.25
+    forced_share: Probability = 0.45
     idle_ratio: Probability = 0.003
 
     def __post_init__(self) -> None:
@@ -94,8 +95,10 @@ class Memory(NamedTuple):
         What each vibration is, the most suspicious first.
     synchronous : float
         Share of the power that turns with the spindle, averaged over some intervals.
+    steady : float
+        That of all that is heard as forced because it turns or is steady, averaged likewise.
     forced_share : float
-        That of all that is forced, averaged likewise.
+        Share of the power that is forced, by that or by what repeats.
     forced : bool
         Whether the last interval was called forced.
     undamped : bool
@@ -105,6 +108,7 @@ class Memory(NamedTuple):
     loudest: float = 0.0
     vibrations: tuple[Followed, ...] = ()
     synchronous: float = 0.0
+    steady: float = 0.0
     forced_share: float = 0.0
     forced: bool = False
     undamped: bool = False
@@ -136,7 +140,7 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
         return Opinion("forced", calm * forced, _why_forced(evidence))
     if suspect is not None and suspect.self_excited >= settings.warning_probability:
         return Opinion("approaching", WARNING_RIGHT * calm, (_why_warned(suspect),), suspect.heard)
-    if memory.forced_share > settings.forced_share + (-HYSTERESIS if memory.forced else HYSTERESIS):
+    if _is_mostly_forced(memory, settings):
         strongest = _steadiest(memory)
         if strongest is None or memory.synchronous > 0.5 * memory.forced_share:
             return Opinion("forced", calm * forced, _why_forced(evidence))
@@ -150,7 +154,20 @@ def _quiet(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> str |
         return "nothing moves"
     if evidence.rms <= settings.idle_ratio * memory.loudest:
         return "far below the level of cutting"
-    return None if evidence.cutting else "the tool is not in the cut, or enters it"
+    return None if evidence.cutting or evidence.entering else "the tool is not in the cut"
+
+
+def _entering(memory: Memory, settings: JudgeSettings) -> Opinion:
+    """What a cut is that begins: of its lines nothing is known yet, but whether it repeats is heard."""
+    forced = _forced_by(memory.forced_share)
+    if _is_mostly_forced(memory, settings):
+        return Opinion("forced", forced, ("the tool enters the cut", _why_repeats(memory)))
+    return Opinion("stable", 1.0 - forced, ("the tool enters the cut",))
+
+
+def _is_mostly_forced(memory: Memory, settings: JudgeSettings) -> bool:
+    """Whether the share that is forced is beyond the border."""
+    return memory.forced_share > settings.forced_share + (-HYSTERESIS if memory.forced else HYSTERESIS)
 
 
 def _forced_by(share: float) -> float:
@@ -220,6 +237,10 @@ def _why_forced(evidence: Evidence) -> tuple[str, ...]:
     return (f"{100 * orders.synchronous_share:.0f} % of the power is in multiples{turning}",)
 
 
+def _why_repeats(memory: Memory) -> str:
+    return f"{100 * memory.forced_share:.0f} % of the power repeats after a rotation or several"
+
+
 def _why_steady(forced: Followed) -> tuple[str, ...]:
     on_order = forced.heard is not None and forced.heard.on_order
     if forced.kinds.risen > forced.kinds.steady:
@@ -274,6 +295,11 @@ class Judge:
             view = Opinion("idle", 0.95, (quiet,))
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
+        elif evidence.entering:
+            memory = memory._replace(
+                vibrations=self._following.rest(), forced_share=repeating_share(evidence.orders, ())
+            )
+            view = _entering(memory, settings)
         else:
             memory = self._follow(memory, evidence)
             view = opinion(evidence, memory, settings)
@@ -286,11 +312,12 @@ class Judge:
         rules = Rules(self._settings.alarm_probability, self._settings.calm_probability)
         vibrations = self._following.follow(evidence, rules)
         synchronous = evidence.orders.synchronous_share
-        forced = forced_share(synchronous, vibrations)
+        steady = memory.steady + AVERAGING * (steady_share(synchronous, vibrations) - memory.steady)
         return memory._replace(
             vibrations=vibrations,
             synchronous=memory.synchronous + AVERAGING * (synchronous - memory.synchronous),
-            forced_share=memory.forced_share + AVERAGING * (forced - memory.forced_share),
+            steady=steady,
+            forced_share=max(min(steady / HEARD_AS_STEADY, 1.0), repeating_share(evidence.orders, vibrations)),
         )
 
     def _hear(self, level: float) -> Memory:

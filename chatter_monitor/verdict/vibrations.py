@@ -127,10 +127,16 @@ class Following:
         )
 
 
-def forced_share(synchronous: float, vibrations: Iterable[Followed]) -> float:
-    """Share of the power that is forced: what turns with the spindle, and steady lines that have not chattered."""
+def steady_share(synchronous: float, vibrations: Iterable[Followed]) -> float:
+    """Share of the power that turns with the spindle, or is in steady lines that have not chattered."""
     steady = sum(vibration.steady_share for vibration in vibrations)
     return synchronous + (1.0 - synchronous) * min(steady, 1.0)
+
+
+def repeating_share(orders: Orders, vibrations: Iterable[Followed]) -> float:
+    """Share of the power that repeats, but for that of what has chattered: that repeats, too."""
+    chattered = sum(v.heard.line.share for v in vibrations if v.heard is not None and v.chattered)
+    return orders.repeating_share - (1.0 - orders.synchronous_share) * chattered
 
 
 def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:

@@ -13,8 +13,11 @@ LOUD = 10.0  # how much more the whole power of a cut is than its level
 STANDS_OUT, NOISE = 20.0, 6.0  # how far the most prominent line stands out of a cut, and of noise
 
 
-def told(*stretches, columns=160, seed=1):
-    """Whether the tool is in the cut, frame by frame, for stretches of (frames, level, power, crest) in dB."""
+def told(*stretches, columns=160, seed=1, fainter=()):
+    """Whether the tool is in the cut, frame by frame, for stretches of (frames, level, power, crest) in dB.
+
+    In the frames ``fainter`` most of what is heard goes on, fainter.
+    """
     rng = np.random.default_rng(seed)
     (levels, powers, crests), cutting = np.zeros((3, columns)), np.zeros(columns, bool)
     air, result = engagement.new_air(), []
@@ -25,7 +28,9 @@ def told(*stretches, columns=160, seed=1):
             powers[column] = DECIBEL * (power + 0.3 * rng.standard_normal())
             crests[column] = DECIBEL * crest
             head = len(result) + 1
-            cutting[column] = engagement.engaged(levels, powers, crests, head, air, np.zeros(columns))
+            cutting[column] = engagement.engaged(
+                levels, powers, crests, len(result) in fainter, head, air, np.zeros(columns)
+            )
             result.append(bool(cutting[column]))
     return result
 
@@ -90,6 +95,15 @@ def test_a_depth_that_shrinks_is_no_air():
     """A level that falls by less, or slowly, is that of a lighter cut."""
     assert all(told(cut(60), cut(60, CUT - 6.0)))
     assert all(told(cut(60), *[cut(4, CUT - step) for step in range(20)]))
+
+
+def test_a_cut_that_gets_lighter_at_once_is_no_air():
+    """A fall while most of what is heard goes on, fainter, is none; the next one, to the room, is."""
+    lighter = [cut(60), cut(60, CUT - 9.0), room(60)]
+    assert not all(told(*lighter)[:120])
+    heard = told(*lighter, fainter=range(60, 64))
+    assert all(heard[:120])
+    assert not any(heard[122:])
 
 
 def test_a_vibration_that_grows_in_a_quiet_cut_ends_the_air():

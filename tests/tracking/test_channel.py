@@ -114,3 +114,28 @@ def test_when_an_interval_is_digested_changes_nothing():
             early.digest()
         early.digest()
     assert seen == [contents(observation) for block in blocks for observation in late.process(*block)]
+
+
+@pytest.mark.parametrize("spindle", [SPINDLE, SpindleSettings()])
+def test_a_feed_that_falls_at_once_is_no_air(spindle):
+    """A cut that is 15 dB fainter from one moment to the next is cut on; silence but for the room is air."""
+    cut = milling(3.0)
+    falls = np.arange(len(cut)) > 1.7 * RATE_HZ
+    lighter = observe((0, np.where(falls, 0.18, 1.0) * cut), spindle=spindle)
+    assert all(seen.cutting for seen in lighter)
+    room = 1e-3 * np.random.default_rng(5).standard_normal(len(cut))
+    leaves = observe((0, np.where(falls, 0.0, cut) + room), spindle=spindle)
+    assert all(seen.cutting for seen in leaves[:33])
+    assert not any(seen.cutting for seen in leaves[37:])
+
+
+def test_a_tool_that_enters_repeats_before_its_lines_are_followed():
+    """Air, then teeth: it enters for some frames, and most of it repeats when the cut is known to go on."""
+    cut = milling(3.0)
+    room = 1e-3 * np.random.default_rng(5).standard_normal(len(cut))
+    seconds = np.arange(len(cut)) / RATE_HZ
+    seen = observe((0, np.where((seconds > 1.0) & (seconds < 1.6), 0.0, cut) + room), spindle=SpindleSettings())
+    entering = [i for i, each in enumerate(seen) if each.entering]
+    assert set(entering) & {32, 33, 34}
+    assert not any(each.cutting for i, each in enumerate(seen) if i in entering)
+    assert seen[40].orders.repeating_share > 0.5

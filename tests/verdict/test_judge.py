@@ -16,7 +16,7 @@ from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Place, Vibration
 from chatter_monitor.verdict.judge import DEAF, Judge, JudgeSettings, Memory, opinion
-from chatter_monitor.verdict.vibrations import Followed
+from chatter_monitor.verdict.vibrations import Followed, repeating_share
 
 HZ = 1067.0
 UNKNOWN_SPEED = Orders(0, None, None, None, 0.0)
@@ -53,6 +53,7 @@ def evidence(*vibrations, critical=None, orders=UNKNOWN_SPEED, margin=NO_MARGIN,
         starting=about.get("starting", False),
         rms=rms,
         flags=flags,
+        entering=about.get("entering", False),
     )
 
 
@@ -359,14 +360,37 @@ def test_an_alarm_is_as_sure_as_the_chain(kinds, unexplained, alarm_for, state, 
 
 
 def test_forced_and_stable_are_as_sure_as_the_share_tells():
-    """With next to nothing heard as forced one cut in ten is, with two thirds of it all are; it does not flicker."""
+    """With next to nothing heard as forced no cut is, with all of it all are; it does not flicker."""
     border = JudgeSettings().forced_share
-    heard = [Memory(1.0, (), forced_share=share) for share in (0.0, border, 0.45, 0.7)]
+    heard = [Memory(1.0, (), forced_share=share) for share in (0.0, border, 0.7, 1.0)]
     views = [opinion(evidence(), memory, JudgeSettings()) for memory in heard]
     assert [view.state for view in views] == ["stable", "stable", "forced", "forced"]
-    assert [view.confidence for view in views] == pytest.approx([0.90, 0.63, 0.77, 0.97], abs=0.01)
+    assert [view.confidence for view in views] == pytest.approx([0.98, 0.74, 0.77, 0.98], abs=0.01)
     before = Memory(1.0, (), forced_share=border - 0.04, forced=True)
     assert opinion(evidence(), before, JudgeSettings()).state == "forced"
+
+
+def test_what_repeats_is_forced_at_once():
+    """Most of the power repeats after a rotation: forced, whatever is known of lines and combs; half of it: stable."""
+    for share, state in ((0.9, "forced"), (0.4, "stable")):
+        assert states(evidence(orders=UNKNOWN_SPEED._replace(repeating_share=share))) == [state]
+
+
+def test_what_has_chattered_repeats_and_is_not_forced():
+    """The share of a vibration that has chattered does not count as forced while it rings on."""
+    orders = UNKNOWN_SPEED._replace(repeating_share=0.9)
+    heard = steady(share=0.8)
+    ringing = Followed(HZ, Kinds(0.9, 0.0, 0.0, 0.1), chattered=True, heard=heard)
+    assert repeating_share(orders, (ringing,)) == pytest.approx(0.1)
+    assert repeating_share(orders, (ringing._replace(chattered=False),)) == 0.9
+
+
+def test_a_tool_that_enters_cuts():
+    """While the tool enters it is not idle; forced as soon as it repeats, never an alarm."""
+    enters = [evidence(growing(), cutting=False, entering=True)] * 20
+    assert set(states(CALM, *enters)) == {"stable"}
+    repeats = evidence(cutting=False, entering=True, orders=UNKNOWN_SPEED._replace(repeating_share=0.9))
+    assert states(evidence(cutting=False), repeats) == ["idle", "forced"]
 
 
 vibrations = st.lists(
