@@ -126,7 +126,7 @@ def test_a_feed_that_falls_at_once_is_no_air(spindle):
     room = 1e-3 * np.random.default_rng(5).standard_normal(len(cut))
     leaves = observe((0, np.where(falls, 0.0, cut) + room), spindle=spindle)
     assert all(seen.cutting for seen in leaves[:33])
-    assert not any(seen.cutting for seen in leaves[37:])
+    assert not any(seen.cutting for seen in leaves[37:48])
 
 
 def test_a_tool_that_enters_repeats_before_its_lines_are_followed():
