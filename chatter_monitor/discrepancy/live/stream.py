@@ -12,6 +12,7 @@ from chatter_monitor.discrepancy.innovations import Innovations, known_forces, t
 from chatter_monitor.discrepancy.live.decimate import CHUNK
 from chatter_monitor.discrepancy.whitening import whitener
 from chatter_monitor.kernels import live_signatures as kernel
+from chatter_monitor.kernels.binding import bound
 from chatter_monitor.kernels.forces_along import Tried
 from chatter_monitor.kernels.observer import SUBSTEPS, Forces, Motion, Observer
 from chatter_monitor.kernels.signatures import LANES, Response, response_of
@@ -50,6 +51,8 @@ class Stream:
         self._along = scratch()
         self.settling = _SETTLING * base.memory() + ORDER
         self.restart()
+        nothing = np.zeros(CHUNK), np.zeros(CHUNK, dtype=bool)
+        self._watch = bound(kernel.watch, *self._arguments(0, *nothing, self.rows(CHUNK)))
 
     def restart(self) -> None:
         """Forget everything: what comes next does not follow on what came last."""
@@ -80,14 +83,18 @@ class Stream:
         if missing.any():
             self.restart()
             return False
-        kernel.watch(
-            self._observer, self._known, self._tried, self.linear, self._response, samples, missing, first,
-            self._path, self._along, self._answers, rows,
-        )  # fmt: skip
+        self._watch(*self._arguments(first, samples, missing, rows))
         self._since += CHUNK
         if self._since <= self.settling // 2:  # a force along a motion that is not known yet is none
             self._answers.states[:] = 0.0
         return self._since > self.settling
+
+    def _arguments(self, first: int, samples: Vector, missing: NDArray[np.bool_], rows: Matrix) -> tuple[object, ...]:
+        """What the kernel is told."""
+        return (
+            self._observer, self._known, self._tried, self.linear, self._response, samples, missing, first,
+            self._path, self._along, self._answers, rows,
+        )  # fmt: skip
 
 
 def scratch() -> kernel.Along:

@@ -55,6 +55,7 @@ class Blocks:
         self._edges, self._fine_edges = (
             np.linspace(0, samples // 2, bands + 1).astype(np.int64) for bands in (BANDS, FINE_BANDS)
         )
+        self._widths, self._fine_widths = np.diff(self._edges), np.diff(self._fine_edges)
         self._products = np.zeros((2 * most + 1, columns + 1, columns + 1))  # of errors, 1, signatures
         self._power = np.zeros((2 * most + 1, 2, BANDS))  # and its square
         self._fine_power = np.zeros((2 * most + 1, FINE_BANDS))
@@ -68,7 +69,7 @@ class Blocks:
 
         They count over the variance of the errors in the block: what is louder says no more.
         """
-        errors = rows[:, 0]
+        errors = rows[:, 0].copy()
         variance = float(errors @ errors) / errors.size
         if not 0.0 < variance < np.inf:
             return
@@ -77,9 +78,11 @@ class Blocks:
                 sums[: self._most + 1] = sums[self._most :] - sums[self._most]
             del self.firsts[: self._most]
         at = len(self)
-        periodogram = np.abs(np.fft.rfft(errors)[1:]) ** 2 / (errors.size * variance)
+        amplitudes = np.fft.rfft(errors)[1:]
+        periodogram = (amplitudes.real**2 + amplitudes.imag**2) / (errors.size * variance)
         power, fine = (
-            np.add.reduceat(periodogram, edges[:-1]) / np.diff(edges) for edges in (self._edges, self._fine_edges)
+            np.add.reduceat(periodogram, edges[:-1]) / widths
+            for edges, widths in ((self._edges, self._widths), (self._fine_edges, self._fine_widths))
         )
         self._products[at + 1] = (
             self._products[at] + _with_offset(rows.T @ rows, np.ones(len(rows)) @ rows, len(rows)) / variance
@@ -118,32 +121,33 @@ class Blocks:
         kernel.changed(
             self._products, self._power, len(self), size, 2, self._linear, ordinates, retuned, coloured, spreads
         )
-        shaped = [self._shaped(size) / spread for size, spread in zip(sizes, spreads, strict=True)]
         p = [
             chdtrc(self._linear, np.maximum(retuned, 0.0)),
             chdtrc(BANDS - 1, coloured),
-            max(len(self._shapes), 1) * chdtrc(1, np.array(shaped)),
+            max(len(self._shapes), 1) * chdtrc(1, self._shaped(size) / spreads),
         ]
         return np.asarray(np.minimum(1.0, len(p) * np.min(p, axis=0)))
 
-    def _shaped(self, size: int) -> float:
+    def _shaped(self, size: NDArray[np.int64]) -> Vector:
         """Chi-squared of the shape that the newest blocks have most of next to those before; one degree of freedom."""
-        if size < FEWEST_BLOCKS or not len(self._shapes):
-            return 0.0
+        if not len(self._shapes):
+            return np.zeros(size.size)
         at = len(self) - size
-        new, old = (self._fine_power[len(self)] - self._fine_power[at]) / size, self._fine_power[at] / at
+        before = self._fine_power[at]
+        new, old = (self._fine_power[len(self)] - before) / size[:, None], before / at[:, None]
         # Wilson and Hilferty (1931): the cube root of a mean of few ordinates is nearly Gaussian.
         change = 3.0 * np.cbrt(new / old)
-        most = float(np.max(np.abs(self._shapes @ change)))
-        return most**2 * self._ordinates / FINE_BANDS / (1.0 / at + 1.0 / size)
+        most = np.max(np.abs(change @ self._shapes.T), axis=1)
+        chi_squared = most**2 * self._ordinates / FINE_BANDS / (1.0 / at + 1.0 / size)
+        return np.asarray(np.where(size < FEWEST_BLOCKS, 0.0, chi_squared))
 
 
 def _with_offset(products: Matrix, sums: Vector, samples: int) -> Matrix:
     """Products of columns, and of 1 after the first of them: what a constant force or a drift adds to the errors."""
-    at = np.r_[0, 2 : len(sums) + 1]
-    total = np.zeros((len(sums) + 1, len(sums) + 1))
-    total[at[:, None], at] = products
-    total[1, at], total[at, 1], total[1, 1] = sums, sums, samples
+    total = np.empty((len(sums) + 1, len(sums) + 1))
+    total[0, 0], total[0, 2:] = products[0, 0], products[0, 1:]
+    total[2:, 0], total[2:, 2:] = products[1:, 0], products[1:, 1:]
+    total[1, 1], total[0, 1], total[1, 0], total[1, 2:], total[2:, 1] = samples, sums[0], sums[0], sums[1:], sums[1:]
     return total
 
 
