@@ -319,7 +319,7 @@ def beat(amplitudes, valid, head, turn, otherwise):
         then = _before(now, size)
         if valid[now] and valid[then]:
             product += amplitudes[now] * np.conj(amplitudes[then])
-            norm += abs(amplitudes[now]) * abs(amplitudes[then])
+            norm += _modulus(amplitudes[now]) * _modulus(amplitudes[then])
     if not abs(product) > TELLING * norm:
         return otherwise
     return math.atan2(product.imag, product.real) * turn / (2.0 * math.pi)
@@ -360,7 +360,7 @@ def describe(spectra, valid, head, power, total, b, scratch, out):
     now = head % size
     for _ in range(size):
         if valid[now]:
-            modulus[count] = abs(amplitudes[now])
+            modulus[count] = _modulus(amplitudes[now])
             count += 1
         now = _after(now, size)
     if count < GROWTH_HOPS:
@@ -443,6 +443,12 @@ def news(heights, cutting, since, head, frames, b, scratch):
         usual = max(usual, median(scratch[:count]))
     height = max(heights[b - 1, newest], heights[b, newest], heights[b + 1, newest])
     return 0.5 * (height - usual)
+
+
+@njit(**OPTIONS)
+def _modulus(amplitude):
+    """Modulus of a number whose square is one, too: `abs` is on its guard against those whose square is none."""
+    return math.sqrt(amplitude.real * amplitude.real + amplitude.imag * amplitude.imag)
 
 
 @njit(**OPTIONS)

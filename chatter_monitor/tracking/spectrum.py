@@ -158,4 +158,4 @@ class Spectrum:
         count = lines.follow(
             transforms, valid, start, self._hop, self._lowest, turns, fainter, self._state, self._peaks, self._measures
         )
-        return [Line(*measures) for measures in (self._measures[:count] * self._units).tolist()]
+        return [Line._make(measures) for measures in (self._measures[:count] * self._units).tolist()]

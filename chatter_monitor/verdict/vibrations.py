@@ -32,6 +32,8 @@ OVERTONES, OVERTONE_HZ = 5, 8.0
 # Vibrations that there is room for at first.
 ROOM = 64
 
+# What is told of a vibration: the other fields are the kernel's business, and each takes its time to become an object.
+_TOLD = ["frequency_hz", *Kinds._fields, "unexplained", "alarm_for", "chattered", "line"]
 _WEIGHTS = np.array([(*weights.per_measure, weights.offset) for weights in (GROWTH, CALM)])
 
 
@@ -113,17 +115,21 @@ class Following:
         return self._followed(())
 
     def _followed(self, heard: tuple[Vibration, ...]) -> tuple[Followed, ...]:
-        known = self._vibrations[: self._known].tolist()
+        known = self._vibrations[: self._known][_TOLD].tolist()
         return tuple(
-            Followed(
-                frequency_hz,
-                Kinds(noise, growing, saturated, steady),
-                unexplained,
-                alarm_for,
-                chattered,
-                None if line == kernel.NO_LINE else heard[line],
-            )
-            for frequency_hz, noise, growing, saturated, steady, unexplained, alarm_for, chattered, line, *_ in known
+            [
+                Followed._make(
+                    (
+                        frequency_hz,
+                        Kinds._make(kinds),
+                        unexplained,
+                        alarm_for,
+                        chattered,
+                        None if line == kernel.NO_LINE else heard[line],
+                    )
+                )
+                for frequency_hz, *kinds, unexplained, alarm_for, chattered, line in known
+            ]
         )
 
 
