@@ -86,17 +86,19 @@ def repeating_share(frame, repeats):
     for t in range(size):
         total += samples[t]
         square += samples[t] * samples[t]
-    share = 0.0
+    share = most = 0.0
+    where = 0
     for i in range(size + 1):
         norm = power * (square - total * total / size)
         now = products[i] / math.sqrt(norm) if norm > 0.0 else 0.0
-        if now > repeats.now[0]:
-            repeats.now[0] = now
-            repeats.times[0] = products[i] / power
+        if now > most:
+            most, where = now, i
         correlation[i] += AVERAGING * (now - correlation[i])
         share = max(share, correlation[i])
         total += samples[i + size] - samples[i]
         square += samples[i + size] * samples[i + size] - samples[i] * samples[i]
+    if most > 0.0:
+        repeats.now[0], repeats.times[0] = most, products[where] / power
     return min(share, 1.0)
 
 
@@ -104,15 +106,29 @@ def repeating_share(frame, repeats):
 def _products(samples, size, products):
     """Sums of products of the newest samples with those before, at each lag; returns the power of the newest."""
     products[:] = 0.0
-    begin = samples.shape[0] - size
-    mean = np.mean(samples[begin:])
+    newest = samples[samples.shape[0] - size :]
+    mean = np.mean(newest)
     power = 0.0
-    for t in range(size):
-        here = samples[begin + t] - mean
-        power += here * here
-        for i in range(size + 1):  # the inner loop goes over the lags, so that several are done at a time
-            products[i] += here * samples[t + i]
+    for t in range(0, size, 4):
+        a, b, c, d = (
+            _away(newest, t, mean),
+            _away(newest, t + 1, mean),
+            _away(newest, t + 2, mean),
+            _away(newest, t + 3, mean),
+        )
+        power += a * a + b * b + c * c + d * d
+        past = samples[t:]
+        # The inner loop goes over the lags, so that several are done at a time; their sums are fetched and put back
+        # once for four samples.
+        for i in range(size + 1):
+            products[i] += a * past[i] + b * past[i + 1] + c * past[i + 2] + d * past[i + 3]
     return power
+
+
+@njit(**OPTIONS)
+def _away(values, t, mean):
+    """How far a value is from the mean; those beyond the end are not."""
+    return values[t] - mean if t < values.shape[0] else 0.0
 
 
 @njit(**OPTIONS)
