@@ -180,6 +180,7 @@ class NaiveVibration:
     alarm_for: int = 0
     chattered: bool = False
     missed: int = 0
+    over: int = 0
     unexplained: float = 0.0
     heard: int = 0
     jitter: float = 0.0
@@ -193,7 +194,8 @@ class NaiveVibration:
 
     def is_it(self, line: np.void) -> bool:
         away = abs(np.log(line["frequency_hz"] / self.hertz))
-        return bool(away < max(0.06 if self.missed < vibrations.FORGOTTEN else 0.03, 25.0 / self.hertz))
+        near = max(0.06, 25.0 / self.hertz) if self.missed < vibrations.FORGOTTEN else max(0.03, 6.0 / self.hertz)
+        return bool(away < near)
 
     def interval(self, line: np.void | None, rules: vibrations.Rules, weights: NDArray[np.float64]) -> None:
         seen = np.array(vibrations.NOT_HEARD)
@@ -214,7 +216,8 @@ class NaiveVibration:
         before = self.alarm_for
         alarm = self.self_excited >= (rules.calm_probability if before else rules.alarm_probability)
         self.alarm_for = before + 1 if alarm else 0
-        self.chattered |= alarm
+        self.over = 0 if alarm else self.over + 1
+        self.chattered = alarm or (self.chattered and self.over < vibrations.FORGOTTEN_CHATTER)
         if before and not alarm and risen < 0.5:
             self.kinds = np.array(vibrations.CALMED)
 
@@ -281,8 +284,7 @@ def follow_all(
     for line in left:
         before.append(NaiveVibration(line["frequency_hz"], line["order_odds"], line["dominance"]))
         before[-1].interval(line, rules, weights)
-    limits = (vibrations.FORGOTTEN, vibrations.FORGOTTEN_CHATTER)
-    return sorted((v for v in before if v.missed < limits[v.chattered]), key=lambda v: -v.self_excited)
+    return sorted((v for v in before if v.chattered or v.missed < vibrations.FORGOTTEN), key=lambda v: -v.self_excited)
 
 
 def crests(power: NDArray[np.float64], line_to_noise: float, lowest: int) -> NDArray[np.int64]:

@@ -33,13 +33,14 @@ LONE = 0.2
 STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 
 # Indices of what is known of the air: its level, the logarithm of the power that it does not reach, that of the cut
-# before it, and frames since it ended, those in which the tool enters and all; frames since the cut has got lighter.
-LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE = range(6)
+# before it, and frames since it ended, those in which the tool enters and all; frames since the cut has got lighter;
+# and the whole power before it fell, as long as it has not come back.
+LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, WHOLE = range(7)
 
 
 def new_air():
     """Nothing is known of it; the tool is in the cut."""
-    return np.array([-math.inf, -math.inf, -math.inf, LONGEST, math.inf, 0.0])
+    return np.array([-math.inf, -math.inf, -math.inf, LONGEST, math.inf, 0.0, -math.inf])
 
 
 @njit(**OPTIONS)
@@ -56,7 +57,7 @@ def engaged(levels, powers, crests, fainter, head, air, scratch):
         Whether most of what is heard goes on, fainter.
     head : int
         Column after the newest, counted from the start without wrapping.
-    air : ndarray of float64, shape (6,)
+    air : ndarray of float64, shape (7,)
         What is known of the air, changed in place.
     scratch : ndarray, shape (>= BEFORE,)
         Work space.
@@ -92,6 +93,25 @@ def engaged(levels, powers, crests, fainter, head, air, scratch):
         if air[ENTERED] > ENTERING and not rises:
             air[ENTERED] = LONGEST
     return bool(air[ENTERED] >= LONGEST)
+
+
+@njit(**OPTIONS)
+def fell(powers, head, air, scratch):
+    """Whether the whole has fallen at once, and not come back since.
+
+    What rises by itself comes on top of all else; what stands out when all else has become fainter has come to light.
+    Parameters as of `engaged`.
+    """
+    if head < FALLING + BEFORE // 2:
+        return False
+    columns = powers.shape[0]
+    newest, last = (head - 1) % columns, (head - 2) % columns
+    before = _before(powers, head, head, scratch)
+    if max(powers[newest], powers[last]) <= before - FALL:
+        air[WHOLE] = max(before, air[WHOLE])
+    if powers[newest] > air[WHOLE] - NEAR:
+        air[WHOLE] = -math.inf
+    return air[WHOLE] > -math.inf
 
 
 @njit(**OPTIONS)

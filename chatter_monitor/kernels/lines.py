@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from chatter_monitor.kernels.engagement import SINCE, engaged, new_air
+from chatter_monitor.kernels.engagement import SINCE, engaged, fell, new_air
 from chatter_monitor.kernels.median import median
 from chatter_monitor.kernels.options import OPTIONS
 
@@ -42,8 +42,9 @@ SILENCE = 5.8
 BIN, SHARE, PROMINENCE, VARIATION, GROWTH, RISE, LONG_RISE, ABSOLUTE_RISE, COHERENCE, NEWS = range(10)
 MEASURES = 10
 
-# Indices of `LineState.counts`: hops taken, frames looked at, and those of them that the signal has been alike for
-TAKEN, FRAMES, ALIKE = range(3)
+# Indices of `LineState.counts`: hops taken, frames looked at, those of them that the signal has been alike for, and
+# those since the whole fell, as long as it has not come back.
+TAKEN, FRAMES, ALIKE, FALLEN = range(4)
 
 
 class LineState(NamedTuple):
@@ -68,9 +69,9 @@ class LineState(NamedTuple):
         the most prominent line, infinite where something turned.
     cutting : ndarray of bool, shape (frames,)
         Whether the tool was in the cut in each frame.
-    air : ndarray of float64, shape (6,)
+    air : ndarray of float64, shape (7,)
         What is known of the air (`kernels.engagement`).
-    counts : ndarray of int64, shape (3,)
+    counts : ndarray of int64, shape (4,)
     sums : ndarray of float64, shape (bins + 1,)
     scratch : ndarray of float64, shape (max(hops, frames),)
         Work space like the one before.
@@ -109,7 +110,7 @@ def new_state(points: int, hops: int, frames: int) -> LineState:
         crests=np.zeros(frames),
         cutting=np.zeros(frames, np.bool_),
         air=new_air(),
-        counts=np.zeros(3, np.int64),
+        counts=np.zeros(4, np.int64),
         sums=np.zeros(bins + 1),
         scratch=np.zeros(max(hops, frames)),
     )
@@ -189,6 +190,7 @@ def follow(transforms, valid, start, hop, lowest, turns, fainter, state, peaks, 
     for b in range(relief.shape[0]):
         reliefs[b, column] = relief[b]
         state.powers[b, column] = state.sums[b + 1] - state.sums[b]
+    counts[FALLEN] = counts[FALLEN] + 1 if fell(state.totals, counts[FRAMES], state.air, state.scratch) else 0
     known = min(frames, counts[ALIKE])
     recent = min(state.valid.shape[0] // FRAME_HOPS, known)
     since = state.air[SINCE]
@@ -202,6 +204,12 @@ def follow(transforms, valid, start, hop, lowest, turns, fainter, state, peaks, 
         out[ABSOLUTE_RISE] = rise(
             state.powers, state.levels, state.cutting, since, counts[FRAMES], known, b, state.scratch
         )
+        if 0 < counts[FALLEN] < known:  # nothing has risen out of what was louder
+            fallen = counts[FALLEN]
+            above = rise(reliefs, state.levels, state.cutting, since, counts[FRAMES], fallen, b, state.scratch)
+            out[RISE], out[LONG_RISE] = min(out[RISE], above), min(out[LONG_RISE], above)
+            above = rise(state.powers, state.levels, state.cutting, since, counts[FRAMES], fallen, b, state.scratch)
+            out[ABSOLUTE_RISE] = min(out[ABSOLUTE_RISE], above)
         out[NEWS] = news(reliefs, state.cutting, since, counts[FRAMES], known, b, state.scratch)
     return count
 

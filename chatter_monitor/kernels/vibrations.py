@@ -13,10 +13,10 @@ from chatter_monitor.kernels.options import OPTIONS
 SAME_VIBRATION = 0.06
 LINE_WIDTH_HZ = 25.0
 # What comes back after a silence is the same vibration only when it is nearer: nobody has followed it there.
-COMES_BACK = 0.03
+COMES_BACK, COMES_BACK_HZ = 0.03, 6.0
 # What an interval says of a vibration that none of its prominent lines belongs to.
 NOT_HEARD = Likeness(-1.0, -1.0, -1.0)
-# Intervals without a line after which it is forgotten; a minute if it has chattered, because it will again.
+# Intervals without a line after which it is forgotten; a minute after an alarm about it, because it will chatter again.
 FORGOTTEN, FORGOTTEN_CHATTER = 10, 1200
 # What grows by itself is coherent; noise that comes and goes is not, nor is a mode that it drives: beyond this damping
 # ratio, or below this coherence, nothing is taken for growth.
@@ -51,11 +51,12 @@ VIBRATION = np.dtype(
         ("steady", float),
         ("unexplained", float),  # probability that nothing that turns explains it, if it has risen
         ("alarm_for", np.int64),  # intervals since an alarm began that is about it; 0 without one
-        ("chattered", np.bool_),  # whether there has been one
+        ("chattered", np.bool_),  # whether there has been one within the last minute
         ("line", np.int64),  # its line in this interval
         ("order_odds", float),  # log odds by its place among the orders, averaged
         ("dominance", float),  # its share of the power, averaged likewise; the largest while an alarm is about it
         ("missed", np.int64),  # intervals since its line was heard
+        ("over", np.int64),  # intervals since an alarm about it
         ("heard", np.int64),  # intervals in which it was
         ("place", float),  # logarithm of its frequency, filtered
         ("glide", float),  # by how much that changes in an interval
@@ -131,7 +132,7 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
         else:
             taken[vibration.line] = True
             _heard(vibration, lines[vibration.line], rules, weights)
-        if vibration.missed < (FORGOTTEN_CHATTER if vibration.chattered else FORGOTTEN):
+        if vibration.missed < FORGOTTEN or vibration.chattered:
             count += 1
     for i in range(lines.shape[0]):
         if not taken[i]:
@@ -159,8 +160,10 @@ def _suspicion(vibration):
 def _line_of(vibration, lines, taken):
     """The nearest of the lines that are left, if it is near enough."""
     nearest = NO_LINE
-    relative = SAME_VIBRATION if vibration.missed < FORGOTTEN else COMES_BACK
-    distance = max(relative, LINE_WIDTH_HZ / vibration.frequency_hz)
+    if vibration.missed < FORGOTTEN:
+        distance = max(SAME_VIBRATION, LINE_WIDTH_HZ / vibration.frequency_hz)
+    else:
+        distance = max(COMES_BACK, COMES_BACK_HZ / vibration.frequency_hz)
     for i in range(lines.shape[0]):
         away = abs(math.log(lines[i].frequency_hz / vibration.frequency_hz))
         if away < distance and not taken[i]:
@@ -176,7 +179,7 @@ def _begin(vibration, line):
     vibration.dominance = line.dominance
     vibration.alarm_for = 0
     vibration.chattered = False
-    vibration.heard = 0
+    vibration.heard = vibration.over = 0
     vibration.place = math.log(line.frequency_hz)
     vibration.glide = vibration.jitter = 0.0
     vibration.gliding = vibration.glided = 0
@@ -228,8 +231,11 @@ def _another_interval(vibration, seen, rules):
     if risen * vibration.unexplained >= (rules.calm_probability if alarmed else rules.alarm_probability):
         vibration.alarm_for += 1
         vibration.chattered = True
+        vibration.over = 0
     else:
         vibration.alarm_for = 0
+        vibration.over += 1
+        vibration.chattered &= vibration.over < FORGOTTEN_CHATTER
         if alarmed and risen < 0.5:  # what is over does not come back for want of evidence against it
             kinds = CALMED
     _set_kinds(vibration, kinds)

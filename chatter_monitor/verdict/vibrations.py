@@ -104,10 +104,11 @@ class Following:
     def rest(self) -> tuple[Followed, ...]:
         """What is remembered while nothing is cut: which vibrations have chattered."""
         known = self._vibrations[: self._known]
-        known = known[known["chattered"] & (known["missed"] < kernel.FORGOTTEN_CHATTER)]
+        known = known[known["chattered"] & (known["over"] < kernel.FORGOTTEN_CHATTER)]
         for name, probability in zip(Kinds._fields, kernel.CALMED, strict=True):
             known[name] = probability
         known["missed"] += 1
+        known["over"] += 1
         known["alarm_for"] = 0
         known["line"] = kernel.NO_LINE
         self._known = len(known)

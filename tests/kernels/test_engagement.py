@@ -137,3 +137,22 @@ def test_a_line_that_rises_out_of_noise_is_no_tool_that_enters():
     sudden = [(1, AIR + 2.0, AIR + 7.0, 26.0), (60, AIR + 35.0 / 8.0, AIR + 20.0, 35.0)]
     assert all(told(room(60, crest=NOISE), *sudden))
     assert all(told(room(60), cut(60)))
+
+
+def test_what_is_fainter_than_it_was_has_fallen_until_it_comes_back():
+    """Fallen by 8 dB at once, until it is nearly as loud as before; a slow fall is none."""
+    rng = np.random.default_rng(3)
+
+    def fallen(*powers):
+        ring, air = np.zeros(160), engagement.new_air()
+        result = []
+        for head, power in enumerate(powers, start=1):
+            ring[(head - 1) % 160] = DECIBEL * (power + 0.3 * rng.standard_normal())
+            result.append(bool(engagement.fell(ring, head, air, np.zeros(160))))
+        return result
+
+    told = fallen(*[0.0] * 40, *[-12.0] * 60, *[-1.0] * 40)
+    assert not any(told[:41])
+    assert all(told[41:100])
+    assert not any(told[100:])
+    assert not any(fallen(*np.linspace(0.0, -20.0, 200)))

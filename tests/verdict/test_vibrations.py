@@ -96,14 +96,34 @@ def test_what_is_not_heard_is_forgotten(chattered, limit):
     assert not len(followed(known, np.empty(0, LINE)))
 
 
+def test_a_line_that_is_heard_renews_no_memory():
+    """What has chattered is known for a minute after the alarm, though some line of noise is near it all the time."""
+    known, noise = np.zeros(1, VIBRATION), lines_of(interval(1000.0, rising=False), Odds())
+    known["frequency_hz"], known["noise"], known["chattered"] = 1000.0, 1.0, True
+    noise["coherence"], noise["variation"] = 0.1, 0.5
+    for _ in range(FORGOTTEN_CHATTER - 1):
+        known = followed(known, noise)
+        assert known["chattered"].tolist() == [True]
+    assert followed(known, noise)["chattered"].tolist() == [False]
+
+
 @pytest.mark.parametrize(
-    ("missed", "away", "same"), [(0, 0.05, True), (0, 0.07, False), (200, 0.025, True), (200, 0.04, False)]
+    ("hertz", "missed", "away", "same"),
+    [
+        (1500.0, 0, 0.05, True),
+        (1500.0, 0, 0.07, False),
+        (1500.0, 200, 0.025, True),
+        (1500.0, 200, 0.04, False),
+        (110.0, 0, 0.2, True),
+        (110.0, 200, 0.04, True),
+        (110.0, 200, 0.07, False),
+    ],
 )
-def test_after_a_silence_the_same_vibration_is_nearer(missed, away, same):
-    """A line is followed for some per cent; what chattered some passes ago has to come back where it was."""
+def test_after_a_silence_the_same_vibration_is_nearer(hertz, missed, away, same):
+    """A line is followed for some per cent or 25 Hz; what chattered some passes ago has to come back where it was."""
     known = np.zeros(1, VIBRATION)
-    known["frequency_hz"], known["chattered"], known["noise"], known["missed"] = 1500.0, True, 1.0, missed
-    line = lines_of(interval(1500.0 * np.exp(away)), Odds())
+    known["frequency_hz"], known["chattered"], known["noise"], known["missed"] = hertz, True, 1.0, missed
+    line = lines_of(interval(hertz * np.exp(away)), Odds())
     assert len(followed(known, line)) == (1 if same else 2)
 
 
