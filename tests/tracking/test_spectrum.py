@@ -178,3 +178,19 @@ def test_silence_has_no_numbers_that_are_none():
         for line in found:
             values = (line.share, line.prominence_db, line.variation, line.growth_per_s, line.rise, line.coherence)
             assert np.isfinite(values).all()
+
+
+def test_what_comes_to_light_has_not_risen():
+    """A cut ends, a pump is switched on, and the noise hardly falls: the pump stands out, but rose out of nothing louder.
+
+    In a room that goes on as it was the same tone has risen.
+    """
+    t = times(3.0)
+    ends, room = 2.0, noise(len(t), 0.02)
+    pump = np.where(t > ends, 0.04 * np.sin(2 * np.pi * 116.0 * t), 0.0)
+    cut = 0.3 * vibration(len(t), [(700.0, 0.01)], seed=4)
+    (found,) = [line for line in frames(np.where(t > ends, 0.0, cut) + pump + room)[50] if line.share > 0.5]
+    (risen,) = [line for line in frames(pump + room)[50] if line.share > 0.5]
+    assert found.frequency_hz == pytest.approx(116.0, abs=2.0)
+    assert max(found.rise, found.long_rise, found.absolute_rise) < 0.1
+    assert min(risen.long_rise, risen.absolute_rise) > 1.0
