@@ -181,7 +181,7 @@ def test_silence_has_no_numbers_that_are_none():
 
 
 def test_what_comes_to_light_has_not_risen():
-    """A cut ends, a pump is switched on, and the noise hardly falls: the pump stands out, but rose out of nothing louder.
+    """A cut ends, a pump is switched on, the noise hardly falls: the pump stands out, but rose out of nothing quieter.
 
     In a room that goes on as it was the same tone has risen.
     """
