@@ -233,7 +233,8 @@ class NaiveVibration:
         self.glides.append(bool(abs(self.glide) > max(1e-3, 0.4 * np.sqrt(self.jitter))))
 
     def likeness(self, line: np.void, weights: NDArray[np.float64]) -> NDArray[np.float64]:
-        if self.chattered and min(line["long_rise"], line["absolute_rise"]) < vibrations.DIED_DOWN:
+        fallen = [rise for rise in (line["absolute_rise"], line["long_rise"]) if rise < vibrations.DIED_DOWN]
+        if self.chattered and fallen and line["absolute_rise"] < 0.0:
             return np.full(3, -CONVINCING)
         growth, calm = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
         risen = min(line["long_rise"], line["absolute_rise"])

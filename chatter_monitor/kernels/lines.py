@@ -22,8 +22,10 @@ FRAME_HOPS = 4
 LOBE = 3
 # Bins on either side, beyond the lobe, that tell the level around a line.
 AROUND = 12
-# Hops between the amplitudes whose correlation is looked at: they have no samples in common.
-LAG = 2
+# Hops between the amplitudes whose correlation is looked at: from no samples in common on. Two lines within a lobe, or
+# one that a rotation modulates, beat: what they lose of it they have again after a beat, down to 13 Hz. What noise
+# drives never has.
+LAG, LONGEST_LAG = 2, 6
 # Added to powers before their logarithm is taken.
 TINY = 1e-300
 # Hops over which the phase tells the frequency, and the coherence from one to the next that it takes.
@@ -38,7 +40,8 @@ SILENCE = 5.8
 # Indices into what is told of a line, in the order of `tracking.spectrum.Line`: the bin that it is at, interpolated;
 # share of the power; how far it stands out; coefficient of variation of its modulus over half of the ring; growth of
 # its logarithm in a hop; rise within the time of the ring, and within that of the reliefs, and the latter whatever the
-# surroundings did; correlation `LAG` hops apart; how much more it stands out than in cuts before and the air between.
+# surroundings did; largest correlation `LAG` to `LONGEST_LAG` hops apart; how much more it stands out than in cuts
+# before and the air between.
 BIN, SHARE, PROMINENCE, VARIATION, GROWTH, RISE, LONG_RISE, ABSOLUTE_RISE, COHERENCE, NEWS = range(10)
 MEASURES = 10
 
@@ -499,13 +502,22 @@ def _growth(modulus):
 
 @njit(**OPTIONS)
 def _coherence(amplitudes, valid, head):
-    """Modulus of the correlation between the amplitudes of a line, oldest at ``head``, `LAG` hops apart."""
+    """Largest modulus of the correlation between amplitudes of a line, oldest at ``head``, over the lags."""
+    largest = 0.0
+    for lag in range(LAG, LONGEST_LAG + 1):
+        largest = max(largest, _correlation(amplitudes, valid, head, lag))
+    return largest
+
+
+@njit(**OPTIONS)
+def _correlation(amplitudes, valid, head, lag):
+    """Modulus of the correlation between the amplitudes of a line so many hops apart."""
     size = amplitudes.shape[0]
     product = complex(0.0, 0.0)
     early = 0.0
     late = 0.0
-    now, then = head % size, (head - LAG) % size
-    for _ in range(size - LAG):
+    now, then = head % size, (head - lag) % size
+    for _ in range(size - lag):
         now, then = _before(now, size), _before(then, size)
         if valid[now] and valid[then]:
             product += amplitudes[now] * np.conj(amplitudes[then])

@@ -22,7 +22,7 @@ FORGOTTEN, FORGOTTEN_CHATTER = 10, 1200
 # ratio, or below this coherence, nothing is taken for growth.
 COHERENT_DAMPING, LEAST_COHERENCE = 0.004, 0.4
 # A vibration is over when its amplitude has fallen below half of what it was for seconds (natural logarithm), in itself
-# or beyond its surroundings: that of a saturated one does not, whatever its damping reads.
+# or, if it is fainter at all, beyond its surroundings: that of a saturated one does not, whatever its damping reads.
 DIED_DOWN = -0.7
 
 # Of a vibration that has chattered and does no more.
@@ -244,13 +244,22 @@ def _another_interval(vibration, seen, rules):
 @njit(**OPTIONS)
 def _likeness(vibration, line, weights):
     """What a line says of its vibration."""
-    if vibration.chattered and min(line.long_rise, line.absolute_rise) < DIED_DOWN:
+    if vibration.chattered and _died_down(line):
         return NOTHING
     seen = likeness(line, weights)
     damping_ratio = coherence_damping(line.coherence, line.frequency_hz)
     if line.coherence < LEAST_COHERENCE or damping_ratio > COHERENT_DAMPING:
         return Likeness(min(seen.growth, 0.0), seen.calm, seen.steady)
     return seen
+
+
+@njit(**OPTIONS)
+def _died_down(line):
+    """Whether a line is far below what it was for seconds.
+
+    What is louder than it was has not died down, however much more stood out there before: a forced line beside it.
+    """
+    return line.absolute_rise < DIED_DOWN or (line.absolute_rise < 0.0 and line.long_rise < DIED_DOWN)
 
 
 @njit(**OPTIONS)

@@ -50,7 +50,8 @@ class Line(NamedTuple):
     absolute_rise : float
         The long rise with what the surroundings have risen.
     coherence : float
-        Correlation of its complex amplitude after 25 ms: exp(-zeta omega t) for a mode.
+        Largest correlation of its complex amplitude after 25 to 75 ms: exp(-zeta omega t) after 25 ms for a mode that
+        noise drives; what beats regains it later.
     news : float
         Logarithm of its present amplitude over that in the cuts before this one and in the air between, beyond what its
         surroundings have risen; 0 where that has not been heard.

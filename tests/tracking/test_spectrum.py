@@ -53,6 +53,20 @@ def test_a_mode_that_noise_drives_loses_coherence_as_its_damping_says():
     assert np.median([line.frequency_hz for line in seen]) == pytest.approx(frequency_hz, abs=5.0)
 
 
+@pytest.mark.parametrize("beat_hz", [13.5, 19.0, 24.0, 38.0])
+def test_two_tones_within_a_lobe_are_coherent(beat_hz):
+    """What two tones lose of the coherence they have again after a beat; two modes that noise drives have not."""
+
+    def coherences(signal):
+        return [max(found, key=lambda line: line.share).coherence for found in frames(signal)[40:]]
+
+    t = times(4.0)
+    tones = np.sin(2 * np.pi * 500.0 * t) + np.sin(2 * np.pi * (500.0 + beat_hz) * t)
+    assert min(coherences(tones + noise(len(t), 0.05))) > 0.9
+    modes = vibration(len(t), [(500.0, 0.01), (500.0 + beat_hz, 0.01)])
+    assert np.median(coherences(modes)) < 0.7
+
+
 @pytest.mark.parametrize("frequency_hz", [62.0, 80.0, 104.4, 112.5, 137.5, 990.3, 4003.1])
 def test_the_frequency_of_a_tone_comes_from_its_phase(frequency_hz):
     """At any frequency, low ones too, which lie in their own mirror image, a tone at 20 dB is found within 0.1 Hz."""

@@ -202,6 +202,23 @@ def test_what_is_new_in_a_cut_has_risen_off_the_orders_of_a_known_spindle(source
     assert lines_of(heard, Odds())[["long_rise", "absolute_rise"]].tolist() == [(expected, expected)]
 
 
+@pytest.mark.parametrize(
+    ("long_rise", "absolute_rise", "over"),
+    [(0.0, 0.0, False), (-1.1, 1.3, False), (-1.1, -0.3, True), (0.3, -0.8, True)],
+)
+def test_chatter_is_over_when_it_is_fainter(long_rise, absolute_rise, over):
+    """It is over far below what it was, in itself or beyond its surroundings; not while it is louder than it was."""
+    following = Following()
+    for _ in range(40):
+        following.follow(interval(1000.0), RULES)
+    heard = interval(1000.0, rising=False)
+    vibration = heard.vibrations[0]
+    line = vibration.line._replace(long_rise=long_rise, absolute_rise=absolute_rise)
+    for _ in range(20):
+        (chatter,) = following.follow(heard._replace(vibrations=(vibration._replace(line=line),)), RULES)
+    assert bool(chatter.alarm_for) is not over
+
+
 def test_at_rest_only_chatter_is_remembered():
     """While nothing is cut there is no alarm; only what has chattered is known when the cut goes on, for a minute."""
     following = Following()
