@@ -113,7 +113,7 @@ class Innovations:
     ) -> None:
         self.recorded, self.linear, self.terms = recorded, linear, tuple(terms)
         n = recorded.samples.size
-        steady = observer(linear, recorded.rate_hz)._replace(
+        steady = observer(linear, recorded.rate_hz, bool(self.terms))._replace(
             chip=min((chip_of(applied.term, applied.values) for applied in self.terms), default=math.inf)
         )
         self.observer = steady if error_sd is None else sized(steady, error_sd)

@@ -91,7 +91,7 @@ class Linear:
         return self.retuned(replace(mode, frequency_hz=omega / (2.0 * math.pi), damping_ratio=ratio))
 
 
-def observer(linear: Linear, rate_hz: float) -> Observer:
+def observer(linear: Linear, rate_hz: float, knows_forces: bool = False) -> Observer:
     """Steady Kalman filter of a linear machine at a sample rate.
 
     The covariance that is left to the state, which averages the forces, is in units of the driving noise: its size
@@ -101,6 +101,8 @@ def observer(linear: Linear, rate_hz: float) -> Observer:
     ----------
     linear : Linear
     rate_hz : float
+    knows_forces : bool
+        Forces that it knows are averaged over what the tool does beyond the band, too.
 
     Raises
     ------
@@ -114,27 +116,31 @@ def observer(linear: Linear, rate_hz: float) -> Observer:
     # Displacement falls off fast enough for that not to matter. For the others the force is a random number per
     # sample, which keeps the zeros of their response at 0 Hz: held for a velocity; joined by straight lines, with a
     # state of its own, for what feels the force itself.
+    felt, intensity = float(tool[1] @ force), step_s  # by the tool; of white noise that is as strong, in units of Q
     match linear.quantity:
         case "displacement":
-            Q = _noise(A, force, step_s)
+            Q, intensity = _noise(A, force, step_s), 1.0
         case "velocity":
             Q = np.outer(begin + end, begin + end)
         case "acceleration" | "pressure":
             size = linear.modes[0].omega ** 2  # of the force's state, so that all states are of one order
             phi = np.block([[phi, size * begin[:, None]], [np.zeros((1, force.size + 1))]])
             unit = np.append(size * end, 1.0)
-            Q = np.outer(unit, unit)
+            Q, intensity = np.outer(unit, unit), size**2 * step_s
             H, tool = np.append(H, size * D), np.pad(tool, ((0, 0), (0, 1)))
             begin, end = np.append(begin, 0.0), np.append(end, 0.0)
     variance = float(H @ linalg.solve_discrete_lyapunov(phi, Q) @ H)
-    Q /= variance
+    Q, intensity = Q / variance, intensity / variance
     ahead, S, K = _steady(phi, Q, H, max(linear.noise, LEAST_NOISE))
     after = ahead - np.outer(K, K) * S
     on_the_way: list[Matrix] = [after] * (2 * len(NODES))  # a sensor that feels the force needs none of them
     if D == 0.0:
-        intensity = (1.0 if linear.quantity == "displacement" else step_s) / variance
         on_the_way = _along_step(A, force, H, step_s, after, intensity, S)
-    spread = np.array([_root(tool @ covariance @ tool.T / S) for covariance in (*on_the_way, after, ahead)])
+    tools = [tool @ covariance @ tool.T for covariance in (*on_the_way, after, ahead)]
+    if knows_forces:
+        beyond = intensity * felt**2 * _beyond_band(step_s)
+        tools = [covariance + beyond for covariance in tools]
+    spread = np.array([_root(covariance / S) for covariance in tools])
     back = tool @ after @ phi.T @ H / S
     spindle = linear.spindle
     delay = spindle.delay_s * rate_hz if spindle else 0.0
@@ -238,6 +244,15 @@ def _along_step(
         before.append(P)
         seen.append(P - np.outer(told, told) / S)
     return before + seen
+
+
+def _beyond_band(step_s: float) -> Matrix:
+    """Covariance of displacement and velocity at frequencies that sampling at that step leaves out, for a unit mass.
+
+    What white noise of unit intensity moves there: densities 1 / w^4 and 1 / w^2 above the edge, which no sample tells.
+    """
+    edge = math.pi / step_s
+    return np.diag([1.0 / (3.0 * math.pi * edge**3), 1.0 / (math.pi * edge)])
 
 
 def _root(P: Matrix) -> Matrix:

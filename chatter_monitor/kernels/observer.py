@@ -5,6 +5,7 @@ machine, which knows forces of the catalogue besides. Between two samples forces
 is discretised exactly.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,10 +22,10 @@ NODES = (*((i + 0.5) / SUBSTEPS for i in range(SUBSTEPS)), 0.5 - _GAUSS, 0.5 + _
 # Where `Observer.spread` holds the nodes before the sample at the end of the step is seen, and after; that sample, once
 # it is seen, and before.
 BEFORE, AFTER, SEEN, AHEAD = 0, len(NODES), 2 * len(NODES), 2 * len(NODES) + 1
-# What jumps is averaged over a normal variable at both signs of two values, and at two others at every second node:
-# medians of eight shares of it, the outer ones smaller, because a far crossing of zero counts as well.
-MEDIANS = ((0.266, 2.054), (0.824, 1.405))
-SHARES = ((0.42, 0.08), (0.34, 0.16))
+# Standard deviations of the velocity within which a force that jumps at 0 is averaged on both sides of that.
+BOTH_SIDES = 3.0
+_INVERSE_ROOT_2PI = 1.0 / np.sqrt(2.0 * np.pi)
+_TAIL = (0.319381530, -0.356563782, 1.781477937, -1.821255978, 1.330274429)
 
 
 class Observer(NamedTuple):
@@ -99,19 +100,39 @@ def cut_by_the_tooth_before(observer, chip, motion, lagged):
 
 
 @njit(**OPTIONS)
+def either_side(expected):
+    """A normal variable of unit variance where it is below 0, and where it is above.
+
+    For each side the chance of it, the mean there from what was expected, and the scatter. The tail is that of
+    Abramowitz and Stegun (26.2.17), good to 1e-7.
+    """
+    far = abs(expected)
+    density = _INVERSE_ROOT_2PI * math.exp(-0.5 * far * far)
+    t = 1.0 / (1.0 + 0.2316419 * far)
+    ratio = t * (_TAIL[0] + t * (_TAIL[1] + t * (_TAIL[2] + t * (_TAIL[3] + t * _TAIL[4]))))
+    beyond = density * ratio  # on the side that is not expected
+    mean, other = 1.0 / ratio, density / (1.0 - beyond)
+    scatter = math.sqrt(max(1.0 - mean * (mean - far), 0.0))
+    wider = math.sqrt(max(1.0 - other * (other + far), 0.0))
+    if expected < 0.0:
+        return (1.0 - beyond, -other, wider), (beyond, mean, scatter)
+    return (beyond, -mean, scatter), (1.0 - beyond, other, wider)
+
+
+@njit(**OPTIONS)
 def averaged(address, jumps, x, v, lagged, angle, omega, z, parameters, spread, turn_of):
     """Force averaged over what is not known of the tool's state.
 
-    A force that jumps does so where the velocity, the first column of the spread, is 0. Anywhere else each column in
-    turn gives two cubature points.
+    A force that jumps does so where the velocity, the first column of the spread, is 0: each side of that gives two
+    points, so that the average is a smooth function of all that it depends on. Anywhere else each column in turn gives
+    two cubature points.
     """
-    if jumps and abs(v) < MEDIANS[0][1] * abs(spread[1, 0]):
+    if jumps and abs(v) < BOTH_SIDES * spread[1, 0]:
         force = 0.0
-        for i in range(2):
-            dx, dv = MEDIANS[turn_of][i] * spread[0, 0], MEDIANS[turn_of][i] * spread[1, 0]
-            both = call_force(address, x + dx, v + dv, lagged, angle, omega, z, parameters)
-            both += call_force(address, x - dx, v - dv, lagged, angle, omega, z, parameters)
-            force += SHARES[turn_of][i] * both
+        for share, mean, scatter in either_side(v / spread[1, 0]):
+            for point in (mean - scatter, mean + scatter):
+                dx, dv = point * spread[0, 0], point * spread[1, 0]
+                force += 0.5 * share * call_force(address, x + dx, v + dv, lagged, angle, omega, z, parameters)
         return force
     far = 1.0 if jumps else 1.4142135623730951
     column = 0 if jumps else turn_of
