@@ -24,6 +24,7 @@ from chatter_monitor.discrepancy.side_by_side import each
 from chatter_monitor.discrepancy.whitening import ORDER
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Excitation
+from chatter_monitor.physics.terms import ABOVE
 
 Vector = NDArray[np.float64]
 
@@ -34,6 +35,7 @@ _HOPE = 3.0  # times what the next step promises: as much a model may still gain
 _LARGEST_STEP = 0.5  # relative, of a shape
 _DERIVATIVE_STEP = 0.02
 _NOISE_STEP, _LARGEST_NOISE_STEP = 0.1, 3.0  # of the logarithm of the noise
+_AS_GIVEN = ("cutting_speed_m_s", ABOVE.name)  # parameters that are not fitted
 _LEAST_NOISE = 1e-6  # over the motion: less changes nothing
 
 
@@ -209,7 +211,7 @@ class _Model:
         for number, applied in enumerate(self.terms[self.first :], self.first):
             for parameter in applied.term.parameters:
                 value = applied.parameters.get(parameter.name, parameter.default or 0.0)
-                if parameter.linear or (value != 0.0 and parameter.name != "cutting_speed_m_s"):
+                if parameter.linear or (value != 0.0 and parameter.name not in _AS_GIVEN):
                     free.append(_Knob(parameter.name, number))
         return free
 

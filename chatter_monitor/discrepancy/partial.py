@@ -1,7 +1,8 @@
 """Models with a force that acts above an amplitude, or in a stretch of the recording, only; `simulate` runs them.
 
-Above an amplitude the force goes through the nonlinear filter with its amplitude beside its coefficients and the mode,
-as forces do that act all along: the machine of the whole recording has a part of it in its stiffness and damping.
+Above an amplitude the force goes through the nonlinear filter, coefficients and mode fitted, as forces do that act all
+along: the machine of the whole recording has a part of it in its stiffness and damping. The amplitude stays the most
+likely of the regression: a filter's errors, which jump with it, have no slope that tells.
 In a stretch the machine is known from the rest of the recording, and the regression has the coefficients.
 """
 
@@ -28,13 +29,10 @@ def begins_above(case: Case, augmented: Augmented) -> Augmented | None:
     if case.threshold is None:
         return None
     try:
-        fitted, threshold = _above(case, augmented.system.terms[-1], case.threshold, augmented.innovations.linear)
+        fitted = _above(case, augmented.system.terms[-1], case.threshold, augmented.innovations.linear)
     except Diverged:
         return None
-    if fitted.gain_nats < augmented.gain_nats:
-        return None
-    case.threshold = threshold
-    return fitted
+    return fitted if fitted.gain_nats >= augmented.gain_nats else None
 
 
 def acts_there(
@@ -59,11 +57,10 @@ def acts_there(
     if applied is None or local.threshold is None or case.named:
         return of_local(local, fit), None
     try:
-        fitted, threshold = _above(case, applied, local.threshold, _without_it(case.innovations.linear, fit))
+        fitted = _above(case, applied, local.threshold, _without_it(case.innovations.linear, fit))
     except Diverged:
         return of_local(local, fit), None
-    case.local = replace(local, threshold=threshold)
-    return of_local(case.local, fit, fitted.parameters[0]), fitted
+    return of_local(local, fit, fitted.parameters[0]), fitted
 
 
 def _regressed(case: Case) -> Regressed:
@@ -88,11 +85,8 @@ def _without_it(linear: Linear, fit: Regressed) -> Linear:
     return linear.beside(float(spring), float(damper)) if len(linear.modes) == 1 else linear
 
 
-def _above(case: Case, applied: AppliedTerm, threshold: Threshold, linear: Linear) -> tuple[Augmented, Threshold]:
-    """Fit a force that begins at an amplitude, from a machine without it; the model, and where the force begins.
-
-    The interval of that amplitude is the likelihood's over it in the regression: slopes, which see nothing of what a
-    small change of a border leaves on the same side of it, promise too much.
+def _above(case: Case, applied: AppliedTerm, threshold: Threshold, linear: Linear) -> Augmented:
+    """Fit a force that begins at an amplitude, from a machine without it.
 
     Raises
     ------
@@ -100,11 +94,7 @@ def _above(case: Case, applied: AppliedTerm, threshold: Threshold, linear: Linea
         If the model runs away from the recording.
     """
     begun = AppliedTerm(applied.term.above_amplitude, {**applied.parameters, ABOVE.name: threshold.above})
-    fitted = augment(case, [begun], linear)
-    (parameters,) = fitted.parameters
-    amplitude, _ = parameters.pop(ABOVE.name)
-    low, high = threshold.ci95
-    return fitted, replace(threshold, above=amplitude, ci95=(min(low, amplitude), max(high, amplitude)))
+    return augment(case, [begun], linear)
 
 
 def _in_stretch(system: MachiningSystem, applied: AppliedTerm, between_s: tuple[float, float]) -> MachiningSystem:
