@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy import stats
 
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.observer import Linear
-from chatter_monitor.kernels.observer import AFTER, AHEAD, BEFORE, NODES, SEEN, SUBSTEPS
-from chatter_monitor.physics.parts import Mode
-from tests.discrepancy.machine import OVERSAMPLING, Machine, states
+from chatter_monitor.kernels.observer import AFTER, AHEAD, BEFORE, NODES, SEEN, SUBSTEPS, either_side
+from chatter_monitor.physics.parts import AppliedTerm, Mode
+from chatter_monitor.physics.terms import CATALOGUE
+from tests.discrepancy.machine import OVERSAMPLING, Machine, coefficient, record, states
 
 DECIMATION = 2  # so that a period of 400 Hz has 16 samples
 
@@ -54,3 +57,38 @@ def test_the_spread_is_that_of_the_errors():
         after = along(s, known_x[:-1] + back_x, known_v[:-1] + back_v, known_x[1:], known_v[1:], o.step_s)
         assert off(there - before) == pytest.approx(spread_of(BEFORE + i), rel=0.05)
         assert off(there - after) == pytest.approx(spread_of(AFTER + i), rel=0.05)
+
+
+def observed(machine: Machine, samples: NDArray[np.float64], friction: float) -> Innovations:
+    """Errors of an observer that knows so much dry friction."""
+    recorded = Recorded(samples, np.zeros(samples.size, dtype=bool), machine.rate_hz)
+    linear = Linear((Mode(machine.frequency_hz, machine.damping_ratio),), machine.quantity, 1e-4)
+    known = AppliedTerm(CATALOGUE["coulomb_friction"], {"coefficient": friction, "width": 0.0})
+    return Innovations(recorded, linear, [known])
+
+
+def test_what_the_tool_does_beyond_the_band_is_not_known():
+    """A sensor with little noise leaves of the velocity what its anti-alias filter took off, and the observer says so."""
+    machine = Machine(frequency_hz=900.0, quantity="velocity", seconds=4.0, snr_db=60.0)
+    inn = observed(machine, record(machine, 8), 1e-3)
+    _, v, _ = states(machine, 0.0, 8)
+    left = (v[::OVERSAMPLING] - inn.motion.v[0])[500:-500]
+    assert inn.observer.spread[SEEN][1, 0] == pytest.approx(np.std(left), rel=0.2)
+
+
+def test_errors_change_smoothly_with_a_force_that_jumps():
+    """So that slopes are slopes: along 4 % of dry friction the likelihood is a parabola to a twentieth of a nat."""
+    machine = Machine("coulomb", 0.08, quantity="velocity", seconds=5.0)
+    samples, whole = record(machine, 9), coefficient(machine)
+    share = np.linspace(-0.02, 0.02, 11)
+    runs = [observed(machine, samples, (1.0 + by) * whole) for by in share]
+    loss = np.array([0.5 * np.count_nonzero(inn.used) * np.log(np.mean(inn.white[inn.used] ** 2)) for inn in runs])
+    assert np.max(np.abs(loss - np.polyval(np.polyfit(share, loss, 2), share))) < 0.05
+
+
+@pytest.mark.parametrize("expected", [-3.0, -0.7, 0.0, 0.2, 3.0])
+def test_either_side_of_a_normal_variable(expected):
+    """Chance, mean and scatter are those of the truncated normal distribution."""
+    below, above = stats.truncnorm(-np.inf, -expected), stats.truncnorm(-expected, np.inf)
+    wanted = [(stats.norm.cdf(s * expected), side.mean(), side.std()) for s, side in ((-1, below), (1, above))]
+    np.testing.assert_allclose(either_side(expected), wanted, atol=2e-3)
