@@ -2,6 +2,7 @@
 
     chatter-monitor prove --cases 100 --seed SEED --out DIR     # may be broken off once the key is sealed
     python -m benchmarks.intervals DIR ... [--kinds coulomb stribeck hysteresis]
+    python -m benchmarks.intervals --draw SEED --each 10 [--kinds coulomb]      # cases of its own, so many of each kind
 
 Fits the true term to each recording, beginning with its true parameters and the mode that is left beside it, and
 counts how often each 95 % interval holds the truth. A bias of the method shows here; that a fit from the shapes of a
@@ -12,13 +13,16 @@ from __future__ import annotations
 
 import argparse
 import json
+import tempfile
 from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import soundfile
 
+from benchmarks.stretches import written
 from chatter_monitor.discrepancy import basis
 from chatter_monitor.discrepancy.augment import Start, fullest
 from chatter_monitor.discrepancy.case import Case
@@ -28,6 +32,8 @@ from chatter_monitor.discrepancy.faults import restlessness
 from chatter_monitor.discrepancy.innovations import Diverged, Innovations
 from chatter_monitor.discrepancy.linear import Base, calibrate
 from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.discrepancy.prove.blind.case import make_case
+from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE as EFFECTS
 from chatter_monitor.discrepancy.spectrum import RESOLUTION, periodogram
 from chatter_monitor.physics.model_file import read_model
 from chatter_monitor.physics.parts import AppliedTerm
@@ -70,30 +76,53 @@ def fitted(directory: Path, truth: dict[str, Any]) -> dict[str, tuple[float, flo
     return {name: (found[name][0] / true, found[name][1] / abs(true)) for name, true in truth["parameters"].items()}
 
 
+def of_proofs(proofs: Sequence[Path], kinds: Sequence[str]) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Cases of proofs: where they are, and the truth."""
+    for proof in proofs:
+        for name, truth in json.loads((proof / "key.json").read_text())["cases"].items():
+            delayed = truth["family"] == "catalogue" and CATALOGUE[truth["names"][0]].delayed
+            if truth["family"] == "catalogue" and not delayed and truth["kind"] in (kinds or [truth["kind"]]):
+                yield proof / "cases" / name, truth
+
+
+def drawn(seed: int, each: int, kinds: Sequence[str]) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Cases that nobody has sealed."""
+    for number in range(each):
+        for effect_number, effect in enumerate(EFFECTS, 1):
+            if CATALOGUE[effect.names[0]].delayed or effect.kind not in (kinds or [effect.kind]):
+                continue
+            made = make_case(effect, seed, 1000 * number + effect_number)
+            with tempfile.TemporaryDirectory() as folder:
+                written(made, Path(folder))
+                yield Path(folder), made.truth
+
+
 def main() -> None:
-    """Print every fit, and how often the intervals hold."""
+    """Print every fit, how often the intervals hold, and the standard score of all estimates of a kind."""
     parser = argparse.ArgumentParser(description="Intervals of full fits")
-    parser.add_argument("proofs", nargs="+", type=Path, metavar="DIR")
+    parser.add_argument("proofs", nargs="*", type=Path, metavar="DIR")
+    parser.add_argument("--draw", type=int, metavar="SEED")
+    parser.add_argument("--each", type=int, default=1)
     parser.add_argument("--kinds", nargs="*", default=[])
     arguments = parser.parse_args()
-    held: dict[str, list[bool]] = defaultdict(list)
-    for proof in arguments.proofs:
-        for name, truth in json.loads((proof / "key.json").read_text())["cases"].items():
-            kind = truth["kind"]
-            if truth["family"] != "catalogue" or CATALOGUE[truth["names"][0]].delayed:
-                continue
-            if arguments.kinds and kind not in arguments.kinds:
-                continue
-            try:
-                found = fitted(proof / "cases" / name, truth)
-            except Diverged:
-                print(f"{proof} {name} {kind}: runs away", flush=True)
-                continue
-            held[kind] += [abs(ratio - 1.0) < 1.96 * sd for ratio, sd in found.values()]
-            said = ", ".join(f"{key} {ratio:.3f} +- {sd:.3f}" for key, (ratio, sd) in found.items())
-            print(f"{proof} {name} {kind}: {said}", flush=True)
-    for kind, hits in held.items():
-        print(f"{kind:24s}{sum(hits):5d} of {len(hits)}")
+    cases = of_proofs(arguments.proofs, arguments.kinds)
+    if arguments.draw is not None:
+        cases = drawn(arguments.draw, arguments.each, arguments.kinds)
+    scores: dict[str, list[float]] = defaultdict(list)
+    for directory, truth in cases:
+        kind, quantity = truth["kind"], truth["quantity"]
+        try:
+            found = fitted(directory, truth)
+        except Diverged:
+            print(f"{kind}, {quantity}: runs away", flush=True)
+            continue
+        scores[kind] += [(ratio - 1.0) / sd for ratio, sd in found.values()]
+        said = ", ".join(f"{key} {ratio:.3f} +- {sd:.3f}" for key, (ratio, sd) in found.items())
+        print(f"{kind}, {quantity}: {said}", flush=True)
+    for kind, of_kind in scores.items():
+        z = np.array(of_kind)
+        held = np.count_nonzero(abs(z) < 1.96)
+        print(f"{kind:24s}{held:5d} of {z.size}, score {z.mean():+.2f} on average, {np.sqrt(np.mean(z**2)):.2f} rms")
 
 
 if __name__ == "__main__":

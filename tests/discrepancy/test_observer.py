@@ -68,7 +68,7 @@ def observed(machine: Machine, samples: NDArray[np.float64], friction: float) ->
 
 
 def test_what_the_tool_does_beyond_the_band_is_not_known():
-    """A sensor with little noise leaves of the velocity what its anti-alias filter took off, and the observer says so."""
+    """With little noise the velocity lacks what the anti-alias filter took off, and the observer says so."""
     machine = Machine(frequency_hz=900.0, quantity="velocity", seconds=4.0, snr_db=60.0)
     inn = observed(machine, record(machine, 8), 1e-3)
     _, v, _ = states(machine, 0.0, 8)
