@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from scipy.optimize import minimize_scalar
-
 from chatter_monitor.kernels.delay_roots import critical_coefficient
 from chatter_monitor.physics.lobes import Recommendation, recommended_speeds
 from chatter_monitor.records import Advice
@@ -16,6 +14,8 @@ MOST_SPEEDS = 3
 # A speed is worth going to when the cut may be so much deeper there than at the worst speed. More depth than the
 # scatter of damping and stiffness between two parts has to be in it.
 WORTH_IT = 1.5
+# Golden section, and how exact the waves between two teeth are told.
+GOLDEN, EXACT_WAVES = 0.5 * (math.sqrt(5.0) - 1.0), 1e-6
 # Damping taken for granted where the mode is not known.
 USUAL_DAMPING = 0.03
 # Range of the spindle, relative to its present speed, where the machine's is not configured.
@@ -113,13 +113,12 @@ def _best_waves(damping_ratio: float, lobe: int) -> float:
 
     At the bottoms r^2 = 1 + 2 zeta, where the phase of the vibration is a quarter of a turn away from whole waves.
     """
-    best = minimize_scalar(
-        lambda waves: -critical_coefficient(1.0, damping_ratio, 2.0 * math.pi * waves),
-        bounds=((lobe - 0.25) / (1.0 + damping_ratio), (lobe + 0.75) / (1.0 + damping_ratio)),
-        method="bounded",
-        options={"xatol": 1e-6},
-    )
-    return float(best.x)
+    low, high = (lobe - 0.25) / (1.0 + damping_ratio), (lobe + 0.75) / (1.0 + damping_ratio)
+    while high - low > EXACT_WAVES:  # golden section: there is one top between two bottoms
+        step = GOLDEN * (high - low)
+        left, right = (critical_coefficient(1.0, damping_ratio, 2.0 * math.pi * w) for w in (high - step, low + step))
+        low, high = (low, low + step) if left > right else (high - step, high)
+    return 0.5 * (low + high)
 
 
 def _between_lobes(rule: Advice, teeth: int, structure: Structure | None) -> Advice:
