@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.innovations import Diverged, Innovations
@@ -36,6 +37,9 @@ _LARGEST_STEP = 0.5  # relative, of a shape
 _DERIVATIVE_STEP = 0.02
 _NOISE_STEP, _LARGEST_NOISE_STEP = 0.1, 3.0  # of the logarithm of the noise
 _AS_GIVEN = ("cutting_speed_m_s", ABOVE.name)  # parameters that are not fitted
+# Of a velocity over which friction fades, over that of the tool: that of the narrowest candidate. What the observer
+# does not know of the velocity is as much, and a narrower law would be seen by chance only.
+_NARROWEST = 0.1
 _LEAST_NOISE = 1e-6  # over the motion: less changes nothing
 
 
@@ -139,7 +143,8 @@ class _Climb:
         if any(applied.term.chip_thickness for applied in start.found):  # it stands for the delay whose chip never ends
             before = tuple(applied for applied in before if not applied.term.delayed)
         linear = replace(start.linear, noise=max(start.linear.noise, _LEAST_NOISE))
-        self.model = _Model(linear, (*before, *start.found), len(before))
+        _, sd_v = scales(case.innovations.motion)
+        self.model = _Model(linear, (*before, *start.found), len(before), _NARROWEST * sd_v)
         self.here: _Fitted | None = None
         self.steps_left = STEPS
 
@@ -198,11 +203,15 @@ class _Knob:
 
 @dataclass(frozen=True, slots=True)
 class _Model:
-    """A linear machine with terms, of which those from `first` on are fitted together with its mode."""
+    """A linear machine with terms, of which those from `first` on are fitted together with its mode.
+
+    No velocity over which a term of theirs fades falls below `narrowest`.
+    """
 
     linear: Linear
     terms: tuple[AppliedTerm, ...]
     first: int
+    narrowest: float
 
     @property
     def knobs(self) -> list[_Knob]:
@@ -252,7 +261,8 @@ class _Model:
         parameter = next(p for p in applied.term.parameters if p.name == knob.name)
         if not parameter.linear:
             change = min(max(change, -_LARGEST_STEP * abs(before)), _LARGEST_STEP * abs(before))
-        after = min(max(before + change, parameter.lower), parameter.upper)
+        fades = parameter.unit == "u/s" and parameter.lower_excluded
+        after = min(max(before + change, self.narrowest if fades else parameter.lower), parameter.upper)
         values = {**applied.parameters, knob.name: after if parameter.allows(after) else before}
         terms = list(self.terms)
         terms[knob.term] = AppliedTerm(applied.term, values)

@@ -9,8 +9,11 @@ import pytest
 
 from chatter_monitor.discrepancy.conclude import Diagnosis, conclude
 from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
+from chatter_monitor.discrepancy.prove.blind.case import make_case
+from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE
 from chatter_monitor.discrepancy.show import page
 from chatter_monitor.physics.model import MachiningSystem
+from chatter_monitor.physics.model_file import read_model
 from chatter_monitor.physics.parts import Mode, Sensor, Spindle
 from tests.discrepancy.machine import Machine, coefficient, record
 
@@ -163,6 +166,14 @@ def test_the_interval_of_friction_holds():
     machine = Machine("coulomb", 0.06, **SHORT)
     friction = diagnosed(machine, 113).report.terms[0].parameters["coefficient"]
     assert friction.ci95[1] > coefficient(machine)
+
+
+def test_a_stiction_narrower_than_what_is_known_of_the_velocity_is_no_name(tmp_path):
+    """Dry friction of the proof's generator, where a spike at rest that no sample shows would gain 5 nats."""
+    made = make_case(next(effect for effect in CATALOGUE if effect.kind == "coulomb"), 71, 10006)
+    (tmp_path / "model.toml").write_text(made.model, encoding="utf-8")
+    report = conclude(examine(recorded_from(made.samples, 12800.0), read_model(tmp_path / "model.toml"))).report
+    assert [term.name for term in report.terms] == ["coulomb_friction"], report.summary
 
 
 def test_hum_is_the_sensors():
