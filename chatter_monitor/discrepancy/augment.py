@@ -333,11 +333,7 @@ def _fitted(case: Case, model: _Model, beat: _Fitted | None = None) -> _Fitted |
         columns = each(lambda knob: model.slope(knob, inn, error_sd), model.knobs)
     except Diverged:
         return None
-    # Of the nuisance, what the parameters do not stand for.
-    fitted_here = case.columns["retuning"][:2]
-    if any(applied.term.delayed for applied in model.terms[model.first :]):
-        fitted_here = fitted_here + case.columns.get("lagged", [])
-    columns += [case.matrix[i] for i in case.evidence.nuisance if i not in fitted_here]
+    columns += [case.matrix[i] for i in _nuisance(case, model)]
     # The whitener is fitted anew to every model, so its taps are parameters as well; their slopes are errors before.
     earlier = np.concatenate([np.zeros(ORDER), inn.errors])
     columns += [earlier[ORDER - lag : -lag] for lag in range(1, ORDER + 1)]
@@ -355,6 +351,20 @@ def _fitted(case: Case, model: _Model, beat: _Fitted | None = None) -> _Fitted |
     return _Fitted(
         inn, loss, [column for column in columns if column.any()], np.sqrt(np.diag(inverse)), free, normal, right
     )
+
+
+def _nuisance(case: Case, model: _Model) -> list[int]:
+    """Nuisance columns but those that parameters stand for, or whose part of the base is not in the model.
+
+    A step goes where the errors fall with all of these columns beside it: one that the model does not have takes the
+    way from a parameter that does the same.
+    """
+    stood_for = set(case.columns["retuning"][:2])
+    if len(model.linear.modes) == 1:
+        stood_for.update(case.columns.get("modes", []))
+    if not any(applied.term.delayed for applied in model.terms[: model.first]):
+        stood_for.update(case.columns.get("lagged", []))
+    return [i for i in case.evidence.nuisance if i not in stood_for]
 
 
 def _beside(total: NDArray[np.float64], columns: list[int], others: list[int]) -> tuple[NDArray[np.float64], Vector]:

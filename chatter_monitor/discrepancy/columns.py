@@ -39,7 +39,7 @@ def gather(case: Case) -> None:
     motion = inn.motion
     case.columns["retuning"] = add("nuisance", basis.retuning(inn))
     if len(inn.linear.modes) > 1:
-        add("nuisance", _retuned(inn))
+        case.columns["modes"] = add("nuisance", _retuned(inn))
     case.columns["known"] = add("nuisance", inn.of_terms([unit for _, _, unit in known_units(case.system)]))
     if inn.linear.delay_s is not None:
         case.columns["lagged"] = add("nuisance", inn.respond([motion.lagged]))
