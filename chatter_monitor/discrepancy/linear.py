@@ -112,7 +112,7 @@ def fit_base(recorded: Recorded, given: Linear, known: tuple[float, float] = (0.
             continue
         trial = _fitted(spectrum, replace(given, quantity=other))
         plausible = all(mode.damping_ratio < 0.3 for mode in trial.linear.modes)
-        if plausible and trial.nll < fitted.nll - _OTHER_QUANTITY_NATS:
+        if plausible and trial.nll < fitted.nll - _OTHER_QUANTITY_NATS and _without_colour(spectrum, trial, fitted):
             fitted, quantity = trial, other
     omissions, alternatives = [], []
     for omission in (_second_mode(spectrum, fitted), _coloured(spectrum, fitted), _regeneration(spectrum, fitted)):
@@ -142,6 +142,16 @@ def _fitted(spectrum: Periodogram, start: Linear) -> SpectralFit:
     peak = float(spectrum.frequency_hz[near][np.argmax(smooth[near])]) if near.any() else mode.frequency_hz
     starts = [start, replace(start, modes=(replace(mode, frequency_hz=peak), *start.modes[1:]))]
     return min((fit(spectrum, each) for each in starts), key=lambda each: each.nll)
+
+
+def _without_colour(spectrum: Periodogram, trial: SpectralFit, than: SpectralFit) -> bool:
+    """Whether one machine explains more than another if the force is white.
+
+    A steep colour turns one quantity into another, and has cosines left for what a strong nonlinear force does to the
+    skirts of a peak.
+    """
+    white, other = (fit(spectrum, each.linear, colours=0).nll for each in (trial, than))
+    return white < other
 
 
 def _second_mode(spectrum: Periodogram, base: SpectralFit) -> Omission | None:
@@ -233,7 +243,11 @@ def _regeneration(spectrum: Periodogram, base: SpectralFit) -> Omission | None:
     most = math.floor(_SPEED_ERROR / step + 1e-9)
     shifts = step * np.arange(-most, most + 1)  # the speed as given is one of them
     fits = [at(float(nominal * (1.0 + shift))) for shift in shifts]  # it travels into the report
-    best = min(fits, key=lambda each: each.nll)
+    # No cut regenerates backwards, but a wave of half a period more or less explains as much if it does.
+    forwards = [fitted for fitted in fits if fitted.linear.regeneration > 0.0]
+    if not forwards:
+        return None
+    best = min(forwards, key=lambda each: each.nll)
     gain = base.nll - best.nll - 2.0
     if gain < NEEDED_NATS:
         return Omission("regenerative_delay", best, gain, float(stats.chi2.sf(2.0 * max(gain, 0.0), 2)), {})
@@ -241,6 +255,4 @@ def _regeneration(spectrum: Periodogram, base: SpectralFit) -> Omission | None:
     if wrong - best.nll < _BEYOND_COMB_NATS:
         return None
     value, sd = best.linear.regeneration, float(best.sd[best.regeneration_at])
-    if value <= 0.0:
-        return None
     return Omission("regenerative_delay", best, gain, float(stats.chi2.sf(2.0 * gain, 2)), {"coefficient": (value, sd)})

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from chatter_monitor.discrepancy.conclude import Diagnosis, conclude
-from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
+from chatter_monitor.discrepancy.diagnosis import examine, in_band, recorded_from
+from chatter_monitor.discrepancy.linear import fit_base
+from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.prove.blind.case import make_case
 from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE
 from chatter_monitor.discrepancy.show import page
@@ -90,6 +92,37 @@ def test_a_force_that_the_sensor_feels_is_not_belittled(quantity):
     report = diagnosed(machine, 112).report
     assert [term.name for term in report.terms] == ["quadratic_damping"], report.summary
     assert report.terms[0].parameters["coefficient"].value == pytest.approx(coefficient(machine), rel=0.25)
+
+
+def test_a_second_mode_that_a_strong_joint_feigns_takes_no_coefficient_away():
+    """A clearance of a tenth of the restoring force, whose spectrum has two modes, comes out with its gap."""
+    machine = Machine("clearance", 0.1, quantity="acceleration", damping_ratio=0.01, **SHORT)
+    found = diagnosed(machine, 116)
+    assert [omission.name for omission in found.case.base.omissions] == ["second_mode"]
+    assert [term.name for term in found.report.terms] == ["clearance"], found.report.summary
+    parameters = found.report.terms[0].parameters
+    assert parameters["coefficient"].value == pytest.approx(coefficient(machine), rel=0.05)
+    assert parameters["gap"].value == pytest.approx(1.0, rel=0.05)
+    assert found.model.modes[0].frequency_hz == pytest.approx(220.0, rel=0.005)
+
+
+def test_a_strong_spring_makes_no_other_sensor(tmp_path):
+    """A softening spring of 8 %, to whose spectrum a velocity with a steep colour comes nearer than a displacement."""
+    made = make_case(next(effect for effect in CATALOGUE if effect.kind == "cubic softening"), 91733, 73)
+    (tmp_path / "model.toml").write_text(made.model, encoding="utf-8")
+    system = read_model(tmp_path / "model.toml")
+    _, recorded = in_band(recorded_from(made.samples, 12800.0), system)
+    assert fit_base(recorded, Linear.of(system)).quantity == made.truth["quantity"] == "displacement"
+
+
+def test_regeneration_is_found_where_half_a_wave_more_explains_as_much_backwards():
+    """28 waves between two teeth: a delay 1.8 % longer with the other sign comes a little nearer to the spectrum."""
+    machine = Machine("delay", 0.01, frequency_hz=700.0, damping_ratio=0.015, delay_s=0.04, seconds=6.0)
+    system = MachiningSystem((Mode(700.0, 0.015),), spindle=Spindle(60.0 / machine.delay_s))
+    _, recorded = in_band(recorded_from(record(machine, 124), machine.rate_hz), system)
+    base = fit_base(recorded, Linear.of(system))
+    assert [omission.name for omission in base.omissions] == ["regenerative_delay"]
+    assert base.linear.delay_s == pytest.approx(machine.delay_s, rel=0.004)
 
 
 def test_what_no_term_explains_stays_unknown():
