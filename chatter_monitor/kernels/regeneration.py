@@ -8,7 +8,7 @@ from numba import njit
 
 from chatter_monitor.kernels.delay_roots import critical_coefficient
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.whittle import KAPPA, LOG_OMEGA, LOG_TAU, LOG_ZETA, PARAMETERS, whittle
+from chatter_monitor.kernels.whittle import KAPPA, LOG_GAIN, LOG_OMEGA, LOG_TAU, LOG_ZETA, PARAMETERS, whittle
 
 FIRST_DAMPING = 1e-3
 CONVERGED = 0.02  # nats that a step promises: a fifth of a standard deviation, and the step is still taken
@@ -139,6 +139,20 @@ def climb(theta, likelihood, steps, space, information, progress):
     if rejected and not more:  # the spectrum that is left behind shall be that of the result
         posterior(theta, likelihood, ahead_score, ahead_information)
     return more
+
+
+@njit(**OPTIONS)
+def race(theta, likelihood, mean, steps, space, information, progress):
+    """Climb from a start, and return the negative log-posterior where that ends.
+
+    The gain is chosen first: the one with which the mean of the spectrum is ``mean``. Other arguments as of `climb`.
+    """
+    theta[LOG_GAIN] = 0.0
+    posterior(theta, likelihood, space[0], information)
+    theta[LOG_GAIN] = math.log(mean / np.mean(likelihood.spectrum))
+    begin_climb(theta, likelihood, steps, space, information, progress)
+    climb(theta, likelihood, steps, space, information, progress)
+    return progress[VALUE]
 
 
 @njit(**OPTIONS)

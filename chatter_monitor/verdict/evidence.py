@@ -159,19 +159,16 @@ def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
     slots, statuses = modes_evidence(frame)
     modes = [mode for mode in slots if mode is not None]
     significant = [mode for mode in modes if mode.share >= SIGNIFICANT_SHARE]
-    vibrations = tuple(
-        Vibration(
-            line,
-            _mode_at(line, modes),
-            place_among_orders(line.frequency_hz, orders, 1),
-            place_among_orders(line.frequency_hz, orders, spindle.teeth),
-        )
-        for line in observation.lines
-        if line.share >= AUDIBLE_SHARE and line.frequency_hz >= LOWEST_HZ  # the crest of what is below is beside it
-    )
+    vibrations = []
+    for line in observation.lines:
+        hertz = line.frequency_hz
+        if line.share >= AUDIBLE_SHARE and hertz >= LOWEST_HZ:  # the crest of what is below is beside it
+            rotation = place_among_orders(hertz, orders, 1)
+            teeth = rotation if spindle.teeth == 1 else place_among_orders(hertz, orders, spindle.teeth)
+            vibrations.append(Vibration(line, _mode_at(line, modes), rotation, teeth))
     return Evidence(
         critical=min(significant, key=lambda mode: mode.damping_ratio, default=None),
-        vibrations=vibrations,
+        vibrations=tuple(vibrations),
         orders=orders,
         margin=observation.margin,
         cutting=observation.cutting,
@@ -185,9 +182,15 @@ def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
 
 def _mode_at(line: Line, modes: list[ModeEvidence]) -> ModeEvidence | None:
     """The least damped mode at a line's frequency."""
-    reach = max(SAME_FREQUENCY, LINE_WIDTH_HZ / line.frequency_hz)
-    near = [mode for mode in modes if abs(math.log(mode.frequency_hz / line.frequency_hz)) < reach]
-    return min(near, key=lambda mode: mode.damping_ratio, default=None)
+    hertz = line.frequency_hz
+    reach = max(SAME_FREQUENCY, LINE_WIDTH_HZ / hertz)
+    least = None
+    for mode in modes:
+        if abs(math.log(mode.frequency_hz / hertz)) < reach and (
+            least is None or mode.damping_ratio < least.damping_ratio
+        ):
+            least = mode
+    return least
 
 
 def place_among_orders(frequency_hz: float, orders: Orders, spacing: int) -> Place | None:

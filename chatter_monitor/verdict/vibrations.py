@@ -33,7 +33,7 @@ OVERTONES, OVERTONE_HZ = 5, 8.0
 ROOM = 64
 
 # What is told of a vibration: the other fields are the kernel's business, and each takes its time to become an object.
-_TOLD = ["frequency_hz", *Kinds._fields, "unexplained", "alarm_for", "chattered", "line"]
+_TOLD = ("line", *Kinds._fields, "frequency_hz", "unexplained", "alarm_for", "chattered")
 _WEIGHTS = np.array([(*weights.per_measure, weights.offset) for weights in (GROWTH, CALM)])
 
 
@@ -84,8 +84,13 @@ class Following:
 
     def __init__(self) -> None:
         self._known = 0  # of the vibrations, the most suspicious first; behind them there is room for more
-        self._vibrations, self._work = np.empty((2, ROOM), kernel.VIBRATION)
-        self._taken = np.empty(ROOM, np.bool_)
+        self._use(*np.empty((2, ROOM), kernel.VIBRATION))
+
+    def _use(self, vibrations: NDArray[np.void], work: NDArray[np.void]) -> None:
+        """Use this memory from now on."""
+        self._vibrations, self._work = vibrations, work
+        self._taken = np.empty(len(vibrations), np.bool_)
+        self._told = [vibrations[name] for name in _TOLD]  # numbers are read several times faster than records of them
 
     def follow(self, evidence: Evidence, rules: Rules) -> tuple[Followed, ...]:
         """Vibrations after another interval, the most suspicious first."""
@@ -98,8 +103,8 @@ class Following:
         """Take more memory, if that many lines may be more than there is room for."""
         size = len(self._vibrations)
         if self._known + lines > size:
-            self._vibrations = np.concatenate([self._vibrations, np.empty(size, kernel.VIBRATION)])
-            self._work, self._taken = np.empty_like(self._vibrations), np.empty(2 * size, np.bool_)
+            more = np.concatenate([self._vibrations, np.empty(size, kernel.VIBRATION)])
+            self._use(more, np.empty_like(more))
 
     def rest(self) -> tuple[Followed, ...]:
         """What is remembered while nothing is cut: which vibrations have chattered."""
@@ -116,27 +121,16 @@ class Following:
         return self._followed(())
 
     def _followed(self, heard: tuple[Vibration, ...]) -> tuple[Followed, ...]:
-        known = self._vibrations[: self._known][_TOLD].tolist()
-        return tuple(
-            [
-                Followed._make(
-                    (
-                        frequency_hz,
-                        Kinds._make(kinds),
-                        unexplained,
-                        alarm_for,
-                        chattered,
-                        None if line == kernel.NO_LINE else heard[line],
-                    )
-                )
-                for frequency_hz, *kinds, unexplained, alarm_for, chattered, line in known
-            ]
+        line, *kinds, frequency_hz, unexplained, alarm_for, chattered = (
+            values[: self._known].tolist() for values in self._told
         )
+        heard_now = [None if number == kernel.NO_LINE else heard[number] for number in line]
+        return tuple(map(Followed, frequency_hz, map(Kinds, *kinds), unexplained, alarm_for, chattered, heard_now))
 
 
 def steady_share(synchronous: float, vibrations: Iterable[Followed]) -> float:
     """Share of the power that turns with the spindle, or is in steady lines that have not chattered."""
-    steady = sum(vibration.steady_share for vibration in vibrations)
+    steady = sum(v.steady_share for v in vibrations if v.heard is not None)
     return synchronous + (1.0 - synchronous) * min(steady, 1.0)
 
 

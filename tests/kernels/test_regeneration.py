@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from chatter_monitor.kernels.delay_roots import critical_coefficient
-from chatter_monitor.kernels.regeneration import VALUE, Likelihood, begin_climb, climb, solve, stabilise
-from chatter_monitor.kernels.whittle import KAPPA, LOG_OMEGA, LOG_TAU, LOG_ZETA, PARAMETERS, WORK, whittle
+from chatter_monitor.kernels.regeneration import VALUE, Likelihood, begin_climb, climb, race, solve, stabilise
+from chatter_monitor.kernels.whittle import KAPPA, LOG_GAIN, LOG_OMEGA, LOG_TAU, LOG_ZETA, PARAMETERS, WORK, whittle
 
 FIRST, WIDTH, CENTRE, BINS = 2 * np.pi * 600.0, 2 * np.pi * 0.4, 2 * np.pi * 950.0, 1500
 THETA = np.array([-3.0, 1.7, np.log(2 * np.pi * 990.0), np.log(0.03), 0.025, np.log(0.027), -5.0])
@@ -101,6 +101,27 @@ def test_the_climb_ends_at_the_maximum(at_once):
         np.testing.assert_array_less(abs(theta - THETA), 0.2 * sd)
         np.testing.assert_allclose(likelihood.spectrum, model, rtol=0.05)
         assert information[KAPPA, KAPPA] == pytest.approx(2.0 * expected_information[KAPPA, KAPPA] + precision, rel=0.1)
+
+
+def test_a_race_is_a_climb_from_the_gain_at_which_the_spectrum_has_the_mean():
+    """Whatever gain a start comes with, the race climbs from the one that gives the spectrum its mean."""
+    truth = run(THETA, np.ones(BINS))[3]
+    likelihood = Likelihood(
+        FIRST, WIDTH, LOG_FREQUENCY, truth, np.ones(BINS, np.bool_), np.zeros(WORK), np.empty(BINS), 2.0,
+        THETA, np.zeros(PARAMETERS),
+    )  # fmt: skip
+    start = THETA * [1.0, 0.98, 1.0002, 1.02, 0.9, 1.0002, 1.02]
+    room = np.empty((2 * PARAMETERS + 4, PARAMETERS)), np.empty((PARAMETERS, PARAMETERS)), np.empty(3)
+    theta = start + np.eye(PARAMETERS)[LOG_GAIN]
+    value = race(theta, likelihood, truth.mean(), 3, *room)
+    with_gain_one = run(start * (np.arange(PARAMETERS) != LOG_GAIN), np.ones(BINS))[3]
+    expected = start.copy()
+    expected[LOG_GAIN] = np.log(truth.mean() / with_gain_one.mean())
+    begin_climb(expected, likelihood, 3, *room)
+    assert climb(expected, likelihood, 3, *room) is False
+    np.testing.assert_allclose(theta, expected, rtol=1e-9)
+    assert value == pytest.approx(room[-1][VALUE], rel=1e-9)
+    assert value < 2.0 * run(start, truth)[0]
 
 
 def test_what_is_beyond_the_limit_is_mirrored():
