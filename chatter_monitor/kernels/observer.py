@@ -24,6 +24,7 @@ NODES = (*((i + 0.5) / SUBSTEPS for i in range(SUBSTEPS)), 0.5 - _GAUSS, 0.5 + _
 BEFORE, AFTER, SEEN, AHEAD = 0, len(NODES), 2 * len(NODES), 2 * len(NODES) + 1
 # Standard deviations of the velocity within which a force that jumps at 0 is averaged on both sides of that.
 BOTH_SIDES = 3.0
+_ROOT_2 = np.sqrt(2.0)
 _INVERSE_ROOT_2PI = 1.0 / np.sqrt(2.0 * np.pi)
 _TAIL = (0.319381530, -0.356563782, 1.781477937, -1.821255978, 1.330274429)
 
@@ -120,25 +121,34 @@ def either_side(expected):
 
 
 @njit(**OPTIONS)
-def averaged(address, jumps, x, v, lagged, angle, omega, z, parameters, spread, turn_of):
-    """Force averaged over what is not known of the tool's state.
-
-    A force that jumps does so where the velocity, the first column of the spread, is 0: each side of that gives two
-    points, so that the average is a smooth function of all that it depends on. Anywhere else each column in turn gives
-    two cubature points.
-    """
-    if jumps and abs(v) < BOTH_SIDES * spread[1, 0]:
-        force = 0.0
-        for share, mean, scatter in either_side(v / spread[1, 0]):
-            for point in (mean - scatter, mean + scatter):
-                dx, dv = point * spread[0, 0], point * spread[1, 0]
-                force += 0.5 * share * call_force(address, x + dx, v + dv, lagged, angle, omega, z, parameters)
-        return force
-    far = 1.0 if jumps else 1.4142135623730951
-    column = 0 if jumps else turn_of
+def on_both_sides(address, far, column, x, v, lagged, angle, omega, z, parameters, spread):
+    """Force averaged over two points, as far on both sides of the tool's state along a column of the spread."""
     dx, dv = far * spread[0, column], far * spread[1, column]
     force = call_force(address, x + dx, v + dv, lagged, angle, omega, z, parameters)
     return 0.5 * (force + call_force(address, x - dx, v - dv, lagged, angle, omega, z, parameters))
+
+
+@njit(**OPTIONS)
+def averaged(address, x, v, lagged, angle, omega, z, parameters, spread, column):
+    """Smooth force averaged over what is not known of the tool's state: two cubature points for each column in turn."""
+    return on_both_sides(address, _ROOT_2, column, x, v, lagged, angle, omega, z, parameters, spread)
+
+
+@njit(**OPTIONS)
+def averaged_jump(address, x, v, lagged, angle, omega, z, parameters, spread):
+    """Force that jumps, averaged over what is not known of the tool's state.
+
+    It does so where the velocity, the first column of the spread, is 0: each side of that gives two points, so that the
+    average is a smooth function of all that it depends on.
+    """
+    if abs(v) >= BOTH_SIDES * spread[1, 0]:
+        return on_both_sides(address, 1.0, 0, x, v, lagged, angle, omega, z, parameters, spread)
+    force = 0.0
+    for share, mean, scatter in either_side(v / spread[1, 0]):
+        for point in (mean - scatter, mean + scatter):
+            dx, dv = point * spread[0, 0], point * spread[1, 0]
+            force += 0.5 * share * call_force(address, x + dx, v + dv, lagged, angle, omega, z, parameters)
+    return force
 
 
 @njit(**OPTIONS)
@@ -177,7 +187,6 @@ def over_step(
     mean = 0.0
     slope = 0.0
     square = 0.0
-    jumps = substeps != SMOOTH
     for i in range(substeps):
         node = node_of(substeps, i)
         s = NODES[node]
@@ -185,7 +194,11 @@ def over_step(
         lagged = (1.0 - s) * lagged0 + s * lagged1
         z = (1.0 - s) * z0 + s * z1
         turned = angle + s * turn
-        force = averaged(address, jumps, x, v, lagged, turned, omega, z, parameters, spread[when + node], i % 2)
+        there = spread[when + node]
+        if substeps == SMOOTH:
+            force = averaged(address, x, v, lagged, turned, omega, z, parameters, there, i)
+        else:
+            force = averaged_jump(address, x, v, lagged, turned, omega, z, parameters, there)
         mean += force
         slope += force * (s - 0.5)
         square += (s - 0.5) ** 2
@@ -202,14 +215,14 @@ def at_sample(address, substeps, x0, v0, lagged, angle, turn, omega, z, paramete
     step before to half a step after; a smooth force is taken as it is.
     """
     if substeps == SMOOTH:
-        force = averaged(address, False, x0, v0, lagged, angle, omega, z, parameters, spread, 0)
-        return 0.5 * (force + averaged(address, False, x0, v0, lagged, angle, omega, z, parameters, spread, 1))
+        force = averaged(address, x0, v0, lagged, angle, omega, z, parameters, spread, 0)
+        return 0.5 * (force + averaged(address, x0, v0, lagged, angle, omega, z, parameters, spread, 1))
     mean = 0.0
     for i in range(substeps):
         s = NODES[i]
         x, v = about(s, x0, v0, omega, step_s)
         turned = angle + turn * (s - 0.5)
-        mean += averaged(address, True, x, v, lagged, turned, omega, z, parameters, spread, i % 2)
+        mean += averaged_jump(address, x, v, lagged, turned, omega, z, parameters, spread)
     return mean / substeps
 
 
