@@ -49,7 +49,10 @@ def gather(case: Case) -> None:
         add("nuisance", [np.cos(turn), np.sin(turn)])
     sd_x, sd_v = basis.scales(motion)
     present = [applied.term.name for applied in case.system.terms]
-    entries = _entries(inn, candidates(sd_x, sd_v, inn.linear.spindle, present, inn.linear.delay_s is not None), add)
+    tried = candidates(sd_x, sd_v, inn.linear.spindle, present, inn.linear.delay_s is not None)
+    entries = _entries(inn, tried, add)
+    regenerates = any(omission.name == "regenerative_delay" for omission in case.base.omissions)
+    seen = {each.name for each in tried if regenerates and each.term.chip_thickness}
     add("surface", basis.surface(inn))
     add("amplitude", basis.by_amplitude(inn))
     add("memory", basis.by_memory(inn))
@@ -63,7 +66,7 @@ def gather(case: Case) -> None:
     case.evidence = Evidence(inn.white, matrix, weight, groups["nuisance"], block)
     case.columns |= groups
     case.swing = modulation(inn, weight, matrix[0])
-    case.contest, case.matrix = Contest(case.evidence, entries), matrix
+    case.contest, case.matrix = Contest(case.evidence, entries, seen), matrix
 
 
 def known_units(system: MachiningSystem) -> list[tuple[int, str, tuple[Term, tuple[float, ...]]]]:

@@ -62,10 +62,14 @@ class Contest:
     evidence : Evidence
     entries : sequence of (Candidate, list of int)
         Candidates and the columns of their coefficients.
+    seen : collection of str
+        Names of a force that was found already, with a parameter more: all blocks tell them apart, as other names.
     """
 
-    def __init__(self, evidence: Evidence, entries: Sequence[tuple[Candidate, list[int]]]) -> None:
-        self.evidence, self.entries = evidence, list(entries)
+    def __init__(
+        self, evidence: Evidence, entries: Sequence[tuple[Candidate, list[int]]], seen: Collection[str] = ()
+    ) -> None:
+        self.evidence, self.entries, self.seen = evidence, list(entries), seen
         self.training = np.arange(evidence.blocks) % 2 == 0
 
     def best(self, given: Sequence[int], blocks: NDArray[np.bool_]) -> dict[str, Entry]:
@@ -116,11 +120,8 @@ class Contest:
             if not leaders or not scored:
                 break
             leader = self.score(max(leaders.values(), key=lambda each: each[0]), given)
-            if (
-                leader.p_value > HELD_OUT_P
-                or leader.held_out_nats < LEAST_HELD_OUT_NATS
-                or scored[0].evidence_nats <= 0
-            ):
+            confirmed = leader.p_value <= HELD_OUT_P and leader.held_out_nats >= LEAST_HELD_OUT_NATS
+            if scored[0].evidence_nats <= 0 or not (confirmed or scored[0].candidate.name in self.seen):
                 break
             named.append(scored[0])
             given.extend(scored[0].columns)
