@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 
 from chatter_monitor.discrepancy.above import named_above
@@ -13,7 +12,7 @@ from chatter_monitor.discrepancy.diagnosis import offset_beside
 from chatter_monitor.discrepancy.findings import IN_WORDS, of_term
 from chatter_monitor.discrepancy.innovations import Diverged
 from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
-from chatter_monitor.discrepancy.name import HELD_OUT_P, MOST_TERMS, PRICE_NATS, Scored
+from chatter_monitor.discrepancy.name import MOST_TERMS, PRICE_NATS, SURE_NATS, Scored
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.partial import begins_above
 from chatter_monitor.discrepancy.report import Finding
@@ -104,7 +103,7 @@ def _fullest(case: Case) -> tuple[Scored, Augmented, list[Omission]] | None:
     leader = case.named[0]
     least = leader.evidence_nats - max(RIVAL_NATS, RIVAL_SHARE * leader.evidence_nats)
     if leader.candidate.name in case.contest.seen:
-        least = max(least, -math.log(HELD_OUT_P))  # others would have to be confirmed
+        least = max(least, SURE_NATS)  # others would have to be confirmed
     rivals = [
         leader,
         *(each for each in case.ranking if each.evidence_nats > least and each.candidate != leader.candidate),

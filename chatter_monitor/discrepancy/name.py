@@ -6,6 +6,7 @@ less a price for every parameter, and counts when the held-out blocks confirm it
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from chatter_monitor.discrepancy.evidence import Evidence, Regressed
 PRICE_NATS = 3.0  # of a parameter
 HELD_OUT_P = 1e-4
 LEAST_HELD_OUT_NATS = 4.0
+SURE_NATS = -math.log(HELD_OUT_P)
 MOST_TERMS = 3
 
 
@@ -63,7 +65,7 @@ class Contest:
     entries : sequence of (Candidate, list of int)
         Candidates and the columns of their coefficients.
     seen : collection of str
-        Names of a force that was found already, with a parameter more: all blocks tell them apart, as other names.
+        Names of a force that was found already, with a parameter more: all blocks together may confirm those.
     """
 
     def __init__(
@@ -121,7 +123,9 @@ class Contest:
                 break
             leader = self.score(max(leaders.values(), key=lambda each: each[0]), given)
             confirmed = leader.p_value <= HELD_OUT_P and leader.held_out_nats >= LEAST_HELD_OUT_NATS
-            if scored[0].evidence_nats <= 0 or not (confirmed or scored[0].candidate.name in self.seen):
+            if scored[0].candidate.name in self.seen:
+                confirmed |= scored[0].evidence_nats > SURE_NATS
+            if scored[0].evidence_nats <= 0 or not confirmed:
                 break
             named.append(scored[0])
             given.extend(scored[0].columns)
