@@ -41,7 +41,7 @@ class Along(NamedTuple):
     memory: np.ndarray  # (2, FEW) of a term, at the sample and as predicted for the next
     between: np.ndarray  # (2, SUBSTEPS * FEW) memory at the nodes: none, and that of a term
     along: np.ndarray  # (SUBSTEPS * FEW,) force at the nodes
-    force: np.ndarray  # (2, FEW)
+    force: np.ndarray  # (FEW,)
 
 
 class Answers(NamedTuple):
@@ -253,23 +253,25 @@ def evaluate(tried, j, nodes, omega, memory, along):
 
 
 @njit(**OPTIONS)
-def as_lines(substeps, along, force):
-    """Straight lines of the mean and first moment of forces at the nodes of FEW steps: their values at the ends."""
-    mean, slope = force[0], force[1]
+def as_lines(substeps, along, lanes, column, begins, ends):
+    """Straight lines of the mean and first moment of forces at the nodes of FEW steps: their ends, into a column.
+
+    An end is a weighted sum of what is at the nodes; there is an even number of them.
+    """
     square = 0.0
-    for k in range(FEW):
-        mean[k] = slope[k] = 0.0
     for i in range(substeps):
-        s = NODES[node_of(substeps, i)] - 0.5
-        square += s * s
-        here = along[i * FEW : (i + 1) * FEW]
+        square += (NODES[node_of(substeps, i)] - 0.5) ** 2
+    for i in range(0, substeps, 2):
+        here, there = along[i * FEW : (i + 1) * FEW], along[(i + 1) * FEW : (i + 2) * FEW]
+        half_here = 0.5 * (NODES[node_of(substeps, i)] - 0.5) / square
+        half_there = 0.5 * (NODES[node_of(substeps, i + 1)] - 0.5) / square
+        mean = 1.0 / substeps
         for k in range(FEW):
-            mean[k] += here[k]
-            slope[k] += s * here[k]
-    for k in range(FEW):
-        middle, half = mean[k] / substeps, 0.5 * slope[k] / square
-        mean[k] = middle - half
-        slope[k] = middle + half
+            at = k * lanes + column
+            begin = (mean - half_here) * here[k] + (mean - half_there) * there[k]
+            end = (mean + half_here) * here[k] + (mean + half_there) * there[k]
+            begins[at] = begins[at] + begin if i else begin
+            ends[at] = ends[at] + end if i else end
 
 
 @njit(**OPTIONS)
@@ -322,11 +324,10 @@ def forces_of(observer, tried, linear, first, lanes, path, along, begins, ends):
                     z[k] = (1.0 - s) * along.memory[0, k] + s * along.memory[1, k]
             evaluate(tried, j, along.nodes[row], omega, between, along.along)
             if feels:
-                as_means(substeps, along.along, along.force[row])
+                as_means(substeps, along.along, along.force)
+                put(begins if row == 0 else ends, lanes, 1 + linear + j, along.force)
         if not feels:
-            as_lines(substeps, along.along, along.force)
-        put(begins, lanes, 1 + linear + j, along.force[0])
-        put(ends, lanes, 1 + linear + j, along.force[1])
+            as_lines(substeps, along.along, lanes, 1 + linear + j, begins, ends)
     path.last[0], path.last[1] = motion.x[0, FEW - 1], motion.v[0, FEW - 1]
 
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from chatter_monitor.kernels.lanes import as_lanes, fma
 from chatter_monitor.kernels.observer import Observer
 from chatter_monitor.kernels.options import OPTIONS
 
@@ -124,25 +125,18 @@ def respond(response, lanes, begins, ends, states, signature):
 
     `ends` and `states` begin one sample before.
     """
-    r, few, order = response, begins.size, response.output.size
-    ahead = ends[lanes:]
-    for i in range(order):
-        row, a, b, c = states[i, lanes:], r.known[i], r.ahead[i], r.before[i]
-        for k in range(few):
-            row[k] = a * begins[k] + b * ahead[k] + c * ends[k]
-    for at in range(0, few, LANES):
+    r, order, aside = response, response.output.size, lanes // LANES
+    begins, ends, signature = as_lanes(begins, LANES), as_lanes(ends, LANES), as_lanes(signature, LANES)
+    for k in range(begins.size):
+        begin, end, predicted = begins[k], ends[k], ends[k + aside]
+        answer = r.feed[0] * end
         for i in range(order):
-            row = states[i, at + lanes : at + lanes + LANES]
+            state = fma(r.known[i], begin, fma(r.ahead[i], predicted, r.before[i] * end))
             for j in range(order):
-                factor, other = r.closed[i, j], states[j, at : at + LANES]
-                for c in range(LANES):
-                    row[c] += factor * other[c]
-    for k in range(few):
-        signature[k] = r.feed[0] * ends[k]
-    for i in range(order):
-        row, factor = states[i], r.output[i]
-        for k in range(few):
-            signature[k] += factor * row[k]
+                state = fma(r.closed[i, j], as_lanes(states[j], LANES)[k], state)
+            as_lanes(states[i], LANES)[k + aside] = state
+            answer = fma(r.output[i], as_lanes(states[i], LANES)[k], answer)
+        signature[k] = answer
 
 
 @njit(**OPTIONS)

@@ -83,8 +83,6 @@ class Decimator:
     def _product(self, came: NDArray[Any], first: int, weights: NDArray[Any]) -> NDArray[Any]:
         """A chunk of what goes, of rows from the first one on and those around."""
         rows, size = CHUNK // _ROW, self._advance
-        total = np.zeros((rows, _ROW), dtype=weights.dtype)
-        for i in range(3):
-            part = came[(first + i) * size : (first + i + rows) * size].reshape(rows, size)
-            total += part @ weights[i * size : (i + 1) * size]
-        return total.reshape(-1)
+        parts = came[first * size : (first + rows + 2) * size].reshape(rows + 2, size)
+        around = np.concatenate([parts[:-2], parts[1:-1], parts[2:]], axis=1)
+        return np.asarray(around @ weights).reshape(-1)

@@ -102,7 +102,7 @@ def scratch() -> kernel.Along:
     few, nodes = kernel.FEW, SUBSTEPS * kernel.FEW
     motion = Motion(*(np.zeros((2, few)) for _ in range(3)))
     rows = np.zeros((2, 2, 4, nodes)), np.zeros((2, few)), np.zeros((2, few)), np.zeros((2, nodes)), np.zeros(nodes)
-    return kernel.Along(np.zeros(few), motion, *rows, np.zeros((2, few)))
+    return kernel.Along(np.zeros(few), motion, *rows, np.zeros(few))
 
 
 def at_rest(observer: Observer, known: Forces, tried: Tried) -> kernel.Path:
