@@ -12,6 +12,7 @@ import msgspec
 
 from chatter_monitor.kernels.vibrations import Rules
 from chatter_monitor.records import Flag, State, Verdict
+from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration, probability_below, spindle_order
 from chatter_monitor.verdict.vibrations import Followed, Following, repeating_share, steady_share
 
@@ -97,8 +98,10 @@ class Memory(NamedTuple):
         Share of the power that turns with the spindle, averaged over some intervals.
     steady : float
         That of all that is heard as forced because it turns or is steady, averaged likewise.
+    repeating : float
+        Share of the power that repeats from rotation to rotation.
     forced_share : float
-        Share of the power that is forced, by that or by what repeats.
+        Share of the power that is forced: what repeats, or what is steady and what stands for it, if that is more.
     forced : bool
         Whether the last interval was called forced.
     undamped : bool
@@ -109,6 +112,7 @@ class Memory(NamedTuple):
     vibrations: tuple[Followed, ...] = ()
     synchronous: float = 0.0
     steady: float = 0.0
+    repeating: float = 0.0
     forced_share: float = 0.0
     forced: bool = False
     undamped: bool = False
@@ -137,14 +141,11 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     calm = 1.0 - (memory.vibrations[0].self_excited if memory.vibrations else 0.0)  # of the most suspicious
     forced = _forced_by(memory.forced_share)
     if memory.synchronous > MOST:
-        return Opinion("forced", calm * forced, _why_forced(evidence))
+        return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
     if suspect is not None and suspect.self_excited >= settings.warning_probability:
         return Opinion("approaching", WARNING_RIGHT * calm, (_why_warned(suspect),), suspect.heard)
     if _is_mostly_forced(memory, settings):
-        strongest = _steadiest(memory)
-        if strongest is None or memory.synchronous > 0.5 * memory.forced_share:
-            return Opinion("forced", calm * forced, _why_forced(evidence))
-        return Opinion("forced", calm * forced, _why_steady(strongest), strongest.heard)
+        return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
     return _stable_or_near(evidence, memory, calm * (1.0 - forced), settings)
 
 
@@ -161,13 +162,18 @@ def _entering(memory: Memory, settings: JudgeSettings) -> Opinion:
     """What a cut is that begins: of its lines nothing is known yet, but whether it repeats is heard."""
     forced = _forced_by(memory.forced_share)
     if _is_mostly_forced(memory, settings):
-        return Opinion("forced", forced, ("the tool enters the cut", _why_repeats(memory)))
+        return Opinion("forced", forced, ("the tool enters the cut", _why_repeating(memory)))
     return Opinion("stable", 1.0 - forced, ("the tool enters the cut",))
 
 
 def _is_mostly_forced(memory: Memory, settings: JudgeSettings) -> bool:
     """Whether the share that is forced is beyond the border."""
     return memory.forced_share > settings.forced_share + (-HYSTERESIS if memory.forced else HYSTERESIS)
+
+
+def _stands_for(steady: float) -> float:
+    """Share of the power that is forced, by that which is heard as steady."""
+    return min(steady / HEARD_AS_STEADY, 1.0)
 
 
 def _forced_by(share: float) -> float:
@@ -231,15 +237,31 @@ def _why_chatter(alarm: Followed) -> tuple[str, ...]:
     return tuple(reasons)
 
 
-def _why_forced(evidence: Evidence) -> tuple[str, ...]:
-    orders = evidence.orders
+def _why_forced(
+    evidence: Evidence, memory: Memory, settings: JudgeSettings
+) -> tuple[tuple[str, ...], Vibration | None]:
+    """Why most of the power is forced, and by which vibration: what is steady, where that alone would be enough."""
+    strongest = _steadiest(memory)
+    turns = strongest is None or memory.synchronous > 0.5 * memory.forced_share
+    vibration = None if strongest is None or turns else strongest.heard
+    if _stands_for(memory.steady) > settings.forced_share:
+        if turns and evidence.orders.heard:
+            return _why_turning(evidence.orders), None
+        if strongest is not None:
+            return _why_steady(strongest), strongest.heard
+    if memory.repeating > memory.synchronous:
+        return (_why_repeating(memory),), vibration
+    return ("most of the power was steady until just now",), vibration
+
+
+def _why_turning(orders: Orders) -> tuple[str, ...]:
     lines = ", ".join(f"{line.order} x" for line in orders.lines[:3])
     turning = "" if orders.rotation_hz is None else f" of {orders.rotation_hz:.1f} Hz ({orders.source}): {lines}"
     return (f"{100 * orders.synchronous_share:.0f} % of the power is in multiples{turning}",)
 
 
-def _why_repeats(memory: Memory) -> str:
-    return f"{100 * memory.forced_share:.0f} % of the power repeats after a rotation or several"
+def _why_repeating(memory: Memory) -> str:
+    return f"{100 * memory.repeating:.0f} % of the power repeats after a rotation or several"
 
 
 def _why_steady(forced: Followed) -> tuple[str, ...]:
@@ -297,9 +319,8 @@ class Judge:
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         elif evidence.entering:
-            memory = memory._replace(
-                vibrations=self._following.rest(), forced_share=repeating_share(evidence.orders, ())
-            )
+            repeating = repeating_share(evidence.orders, ())
+            memory = memory._replace(vibrations=self._following.rest(), repeating=repeating, forced_share=repeating)
             view = _entering(memory, settings)
         else:
             memory = self._follow(memory, evidence)
@@ -314,11 +335,13 @@ class Judge:
         vibrations = self._following.follow(evidence, rules)
         synchronous = evidence.orders.synchronous_share
         steady = memory.steady + AVERAGING * (steady_share(synchronous, vibrations) - memory.steady)
+        repeating = repeating_share(evidence.orders, vibrations)
         return memory._replace(
             vibrations=vibrations,
             synchronous=memory.synchronous + AVERAGING * (synchronous - memory.synchronous),
             steady=steady,
-            forced_share=max(min(steady / HEARD_AS_STEADY, 1.0), repeating_share(evidence.orders, vibrations)),
+            repeating=repeating,
+            forced_share=max(_stands_for(steady), repeating),
         )
 
     def _hear(self, level: float) -> Memory:

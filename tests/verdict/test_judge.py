@@ -376,6 +376,23 @@ def test_what_repeats_is_forced_at_once():
         assert states(evidence(orders=UNKNOWN_SPEED._replace(repeating_share=share))) == [state]
 
 
+def test_what_is_forced_because_it_repeats_says_so():
+    """Whether a line is steady beside it or none is: what is said is what the state comes from."""
+    orders = UNKNOWN_SPEED._replace(repeating_share=0.9)
+    why = ["90 % of the power repeats after a rotation or several"]
+    assert judged(evidence(orders=orders))[-1].reasons == why
+    faint = judged(*[evidence(steady(share=0.1), orders=orders)] * 60)[-1]
+    assert (faint.state, faint.reasons) == ("forced", why)
+    loud = judged(*[evidence(steady(share=0.9), orders=orders)] * 60)[-1]
+    assert loud.reasons == ["the vibration at 1067 Hz is steady and was not seen to grow: something forces it"]
+
+
+def test_a_comb_that_is_lost_is_no_reason():
+    """What turned until just now is still most of the average, but no multiples are named that are not heard."""
+    lost = judged(*[evidence(orders=TURNING)] * 60, evidence(orders=UNKNOWN_SPEED))[-1]
+    assert (lost.state, lost.reasons) == ("forced", ["most of the power was steady until just now"])
+
+
 def test_what_has_chattered_repeats_and_is_not_forced():
     """The share of a vibration that has chattered does not count as forced while it rings on."""
     orders = UNKNOWN_SPEED._replace(repeating_share=0.9)
