@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,6 +104,14 @@ class Comb:
     evidence: float
 
 
+@cache
+def _window(samples: int) -> NDArray[np.float64]:
+    """Hann window. All channels have the same ones: of 64, windows alone would take 50 MB."""
+    window = np.hanning(samples)
+    window.flags.writeable = False
+    return window
+
+
 class Spectrum:
     """Lines of stretches of a signal.
 
@@ -117,7 +126,7 @@ class Spectrum:
     """
 
     def __init__(self, samples: int, sample_rate_hz: float, lowest_hz: float) -> None:
-        self._window = np.hanning(samples)
+        self._window = _window(samples)
         self._size = 1 << (samples - 1).bit_length()
         self._bin_hz = sample_rate_hz / self._size
         self._lowest_hz = lowest_hz
@@ -129,10 +138,13 @@ class Spectrum:
         self._peaks = np.empty(self._size // 2, np.int64)
         self._kept = np.empty(STRONGEST, np.int64)
 
-    def lines(self, samples: NDArray[np.float64]) -> Lines:
-        """The strongest lines that stand out of the noise around them."""
-        power = self._power
-        np.multiply(samples, self._window, out=self._windowed[: len(samples)])
+    def lines(self, *pieces: NDArray[np.float64]) -> Lines:
+        """The strongest lines of a stretch, in one piece or several, that stand out of the noise around them."""
+        power, begin = self._power, 0
+        for samples in pieces:
+            part = slice(begin, begin + len(samples))
+            np.multiply(samples, self._window[part], out=self._windowed[part])
+            begin = part.stop
         kernel.power_of(np.fft.rfft(self._windowed, out=self._amplitudes), power)
         lowest = math.ceil(self._lowest_hz / self._bin_hz)
         peaks = self._peaks[: kernel.crests(power, LINE_TO_NOISE, lowest, self._scratch, self._peaks)]

@@ -145,10 +145,14 @@ class CombFollower:
         if self._doubtful_frames > self._patience:
             self.harmonics = None
 
-    def _lines(self, past: NDArray[np.float64]) -> Lines:
-        if len(past) not in self._spectra:  # there are few lengths: the window, and halves of it
-            self._spectra[len(past)] = Spectrum(past.size, self._rate_hz, self._lowest_hz)
-        return self._spectra[len(past)].lines(past.ravel())
+    def _lines(self, frames: int, last: int) -> Lines:
+        """Lines of so many frames of the past, up to one."""
+        if frames not in self._spectra:  # there are few lengths: the window, and halves of it
+            samples = frames * self._past.shape[1]
+            self._spectra[frames] = Spectrum(samples, self._rate_hz, self._lowest_hz)
+        first = (last - frames + 1) % len(self._past)
+        before_the_end = self._past[first : first + frames]
+        return self._spectra[frames].lines(before_the_end.ravel(), self._past[: frames - len(before_the_end)].ravel())
 
     def _latest(self, frames: int) -> NDArray[np.float64]:
         return self._past[np.arange(self._frames - frames + 1, self._frames + 1) % len(self._past)]
@@ -157,7 +161,7 @@ class CombFollower:
         """Look for a comb in so many of the last frames, and follow it from there to now."""
         for frames in lengths:
             begun = self._frames
-            search = partial(self._comb_of, self._latest(frames), taken_hz)
+            search = partial(self._comb_of, frames, begun, taken_hz)
             comb = (yield from in_turn(self._turn, search)) if self._known else search()
             harmonics = None if comb is None else (yield from self._follow(comb, frames, self._frames - begun))
             if harmonics is not None:
@@ -169,8 +173,8 @@ class CombFollower:
         """Whether it is after the comb of a known speed. Any other is worth a long frame: waiting costs alarms."""
         return self._target.teeth is not None
 
-    def _comb_of(self, past: NDArray[np.float64], taken_hz: float | None) -> Comb | None:
-        lines = self._lines(past)
+    def _comb_of(self, frames: int, last: int, taken_hz: float | None) -> Comb | None:
+        lines = self._lines(frames, last)
         return find_comb(lines if taken_hz is None else lines.without(lines.on(taken_hz)), self._target)
 
     def _follow(self, comb: Comb, frames: int, ago: int) -> Piecemeal[Harmonics | None]:
@@ -192,6 +196,6 @@ class CombFollower:
                 behind += 1
         # A self-excited vibration that crosses an order takes the harmonics along, away from where the other lines are.
         now_hz = harmonics.rotation_hz
-        on_lines = self._lines(self._latest(frames - frames // 2)).orders(now_hz)
+        on_lines = self._lines(frames - frames // 2, self._frames).orders(now_hz)
         stands = self._target.stands(harmonics.clear(), now_hz) and self._target.stands(on_lines, now_hz)
         return harmonics if stands else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,16 @@ _HIGHEST_MODE = 0.6  # of half the sample rate
 
 # A segment louder or quieter than the average by more than this (in power) belongs to another cut.
 _OTHER_LEVEL = 10.0
+
+
+@cache
+def _window(segment: int, hop: int) -> tuple[Array, Array]:
+    """Hann window, and how much two of them so many hops apart have in common. All channels share them."""
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
+    squared = window**2
+    overlap = np.array([squared[d:] @ squared[: segment - d] for d in range(0, segment, hop)])
+    window.flags.writeable = overlap.flags.writeable = False
+    return window, overlap
 
 
 class AveragedPeriodogram:
@@ -47,11 +58,8 @@ class AveragedPeriodogram:
         self._lowest_bin = lowest_bin
         self._hop = hop
         self._forgetting = math.exp(-hop / memory)
-        self._window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
-        squared = self._window**2
-        self._area = float(squared.sum())
-        # how much two windows so many hops apart have in common
-        self._overlap = np.array([squared[d:] @ squared[: segment - d] for d in range(0, segment, hop)])
+        self._window, self._overlap = _window(segment, hop)
+        self._area = float((self._window**2).sum())
         self._recent = np.zeros(2 * segment)  # the last samples, at its end after the hop in which they reach it
         self._end = segment  # of the last whole hop in it
         self._windowed = np.zeros(segment)
