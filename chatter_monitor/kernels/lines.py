@@ -34,6 +34,8 @@ PHASE_HOPS, TELLING = 12, 0.5
 GROWTH_HOPS = 12
 # Frames of the air before a cut, and of cuts before it, that are enough to know what was in them.
 HEARD = 10
+# A line that stands out neither twice nor half as much as before (natural logarithm of the amplitude).
+AS_BEFORE = 0.7
 # Frames that are fainter by so much (logarithm of the power, 25 dB) are silence.
 SILENCE = 5.8
 
@@ -213,6 +215,11 @@ def follow(transforms, valid, start, hop, lowest, turns, fainter, state, peaks, 
             out[RISE], out[LONG_RISE] = min(out[RISE], above), min(out[LONG_RISE], above)
             above = rise(state.powers, state.levels, state.cutting, since, counts[FRAMES], fallen, b, state.scratch)
             out[ABSOLUTE_RISE] = min(out[ABSOLUTE_RISE], above)
+        if abs(out[LONG_RISE]) < AS_BEFORE:  # it may go with the rest
+            beside = variation_beside(
+                spectra[b], state.valid, counts[TAKEN], state.levels, counts[FRAMES], state.scratch
+            )
+            out[VARIATION] = min(out[VARIATION], beside)
         out[NEWS] = news(reliefs, state.cutting, since, counts[FRAMES], known, b, state.scratch)
     return count
 
@@ -381,6 +388,43 @@ def describe(spectra, valid, head, power, total, b, scratch, out):
         out[VARIATION] = spread / mean
     out[GROWTH] = _growth(modulus[count - GROWTH_HOPS : count])
     out[COHERENCE] = _coherence(amplitudes, valid, head)
+
+
+@njit(**OPTIONS)
+def variation_beside(amplitudes, valid, head, levels, frames, scratch):
+    """Coefficient of variation of a line's modulus over half of the ring, measured against the level in each frame.
+
+    A feed or a depth that jumps makes all louder, the noise and what turns; a line that goes with the rest is steady.
+
+    Parameters
+    ----------
+    amplitudes : ndarray of complex128, shape (hops,)
+        Ring of the line's transforms.
+    valid : ndarray of bool, shape (hops,)
+        Which of them hold samples.
+    head : int
+        Column after the newest.
+    levels : ndarray, shape (columns,)
+        Ring: mean logarithm of the power in each frame.
+    frames : int
+        Frames so far; the column after the newest of them.
+    scratch : ndarray, shape (>= hops / 2,)
+        Work space.
+    """
+    size, columns = valid.shape[0], levels.shape[0]
+    now, column = head % size, frames % columns
+    gain = 0.0
+    count = 0
+    for back in range(min(size // 2, FRAME_HOPS * frames)):
+        now = _before(now, size)
+        if back % FRAME_HOPS == 0:
+            column = _before(column, columns)
+            gain = math.exp(-0.5 * levels[column])
+        if valid[now]:
+            scratch[count] = gain * _modulus(amplitudes[now])
+            count += 1
+    mean, spread = _moments(scratch[:count])
+    return spread / mean if mean > 0.0 else 0.0
 
 
 @njit(**OPTIONS)

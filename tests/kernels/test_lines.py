@@ -86,6 +86,17 @@ def test_measures_are_those_of_the_twins(missing, b):
     assert out[lines.COHERENCE] == pytest.approx(max(naive.coherence(ordered[:, b], valid, lag) for lag in lags))
 
 
+@pytest.mark.parametrize("missing", [(), tuple(range(50, 63)), (0, 79)])
+def test_variation_beside_the_level_is_that_of_the_twin(missing):
+    """Each hop counts in units of the level of its frame, hops missing or not, the newest frame being anywhere."""
+    ordered, valid, (spectra, known, head) = ring(11, missing)
+    levels = np.random.default_rng(12).normal(size=30)
+    beside = lines.variation_beside(spectra[7], known, head, np.roll(levels, 43), 43, np.zeros(HOPS))
+    half = HOPS // 2
+    gains = np.exp(-0.5 * np.repeat(levels, lines.FRAME_HOPS)[-half:])
+    assert beside == pytest.approx(naive.variation((gains * ordered[-half:, 7])[valid[-half:]]))
+
+
 def test_too_few_hops_tell_the_share_only():
     """Before there are as many hops as growth is fitted to, nothing but the share is told; in silence nothing."""
     _, _, transforms = ring(6, (0, 1, *range(lines.GROWTH_HOPS + 1, HOPS)))

@@ -42,6 +42,16 @@ def test_a_tone_is_one_steady_line(rate_hz, interval):
     assert line.damping_ratio < 1e-5
 
 
+@pytest.mark.parametrize(("noise_too", "tone", "least", "most"), [(True, 3.0, 0.0, 0.15), (False, 1.8, 0.2, 0.4)])
+def test_a_tone_that_gets_louder_with_the_rest_is_steady(noise_too, tone, least, most):
+    """A feed jumps: all is three times as loud at once, and the tone as steady as before; alone it varies."""
+    t = times(4.0)
+    louder = np.where(t < 3.0, 1.0, tone)
+    signal = louder * np.sin(2 * np.pi * 1234.5 * t) + (louder if noise_too else 1.0) * noise(len(t), 0.1)
+    variations = [found[0].variation for found in frames(signal)[61:68]]  # from a frame after the jump on
+    assert least < max(variations) < most
+
+
 def test_a_mode_that_noise_drives_loses_coherence_as_its_damping_says():
     """Within 25 ms the coherence falls by exp(-zeta omega t), and the modulus varies as a Rayleigh one does."""
     frequency_hz, damping = 1500.0, 0.0015
