@@ -12,7 +12,7 @@ from chatter_monitor.discrepancy import basis
 from chatter_monitor.discrepancy.candidates import Candidate, candidates
 from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.evidence import Evidence
-from chatter_monitor.discrepancy.faults import restlessness
+from chatter_monitor.discrepancy.faults import Restlessness, restlessness
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.locate import modulation
 from chatter_monitor.discrepancy.name import Contest
@@ -21,6 +21,8 @@ from chatter_monitor.physics.parts import Mode
 from chatter_monitor.physics.terms import Term
 
 Vector = NDArray[np.float64]
+
+_NOISIER = 0.1  # by which the sensor's noise is varied
 
 
 def gather(case: Case) -> None:
@@ -43,6 +45,9 @@ def gather(case: Case) -> None:
     case.columns["known"] = add("nuisance", inn.of_terms([unit for _, _, unit in known_units(case.system)]))
     if inn.linear.delay_s is not None:
         case.columns["lagged"] = add("nuisance", inn.respond([motion.lagged]))
+    unrest = case.unrest = restlessness(inn.white, case.telling, recorded.rate_hz)
+    if unrest.kind == "nonstationary_excitation":
+        add("nuisance", [_swelling_noise(inn, unrest)])
     t = np.arange(recorded.samples.size)
     for tone in case.tones:
         turn = 2.0 * np.pi * tone.frequency_hz / recorded.rate_hz * t
@@ -58,8 +63,6 @@ def gather(case: Case) -> None:
     add("memory", basis.by_memory(inn))
     add("time", basis.along_time(inn))
     add("angle", basis.along_angle(inn))
-    unrest = restlessness(inn.white, case.telling, recorded.rate_hz)
-    case.unrest = unrest
     weight = case.weight
     block = max(1, round(case.block_s * recorded.rate_hz))
     matrix = np.array(columns)
@@ -140,6 +143,18 @@ def _retuned(inn: Innovations) -> list[Vector]:
             )
             found.append(plus.white - minus.white)
     return found
+
+
+def _swelling_noise(inn: Innovations, unrest: Restlessness) -> Vector:
+    """What the sensor's noise adds to the errors by being more of the motion where the force is weak, less elsewhere.
+
+    The steady filter takes it for the same share throughout. What it believes too much or too little as the force
+    swells and fades looks like dry friction, or like a spring and a damper that follow the energy.
+    """
+    noisier = replace(inn.linear, noise=(1.0 + _NOISIER) * inn.linear.noise)
+    changed = Innovations(inn.recorded, noisier, inn.terms, inn.taps).white - inn.white
+    weakness = unrest.scale**-2
+    return np.asarray(changed * (weakness / np.mean(weakness) - 1.0))
 
 
 def _with(modes: tuple[Mode, ...], i: int, mode: Mode) -> tuple[Mode, ...]:

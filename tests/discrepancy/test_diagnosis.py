@@ -12,7 +12,7 @@ from chatter_monitor.discrepancy.diagnosis import examine, in_band, recorded_fro
 from chatter_monitor.discrepancy.linear import fit_base
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.prove.blind.case import make_case
-from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE
+from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE, FAULTS
 from chatter_monitor.discrepancy.show import page
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.model_file import read_model
@@ -207,6 +207,14 @@ def test_a_stiction_narrower_than_what_is_known_of_the_velocity_is_no_name(tmp_p
     (tmp_path / "model.toml").write_text(made.model, encoding="utf-8")
     report = conclude(examine(recorded_from(made.samples, 12800.0), read_model(tmp_path / "model.toml"))).report
     assert [term.name for term in report.terms] == ["coulomb_friction"], report.summary
+
+
+def test_a_force_that_swells_is_no_friction(tmp_path):
+    """The sensor's noise is more of the motion where it fades, which a steady filter took for dry friction."""
+    made = make_case(next(effect for effect in FAULTS if effect.names == ("nonstationary_excitation",)), 5504, 7)
+    (tmp_path / "model.toml").write_text(made.model, encoding="utf-8")
+    report = conclude(examine(recorded_from(made.samples, 12800.0), read_model(tmp_path / "model.toml"))).report
+    assert [term.name for term in report.terms] == ["nonstationary_excitation"], report.summary
 
 
 def test_hum_is_the_sensors():
