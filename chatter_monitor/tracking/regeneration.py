@@ -258,7 +258,7 @@ def _race(band: Band, prior: Prior, delay_s: float) -> Pieces[Array]:
     ends: list[tuple[float, Array]] = []
     for theta in _starts(band, delay_s):
         ends.append((race(theta, likelihood, mean, _STEPS_OF_RACE, space, information, progress), theta))
-        yield len(band.periodogram)  # as if it were one evaluation: three to six starts a frame, half a millisecond
+        yield len(band.periodogram)  # as if it were one evaluation: three to six starts a frame
     return min(ends, key=lambda end: end[0])[1]
 
 
