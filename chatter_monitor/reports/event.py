@@ -65,7 +65,9 @@ def event_page(
         numbers(named),
         picture(
             _figure(verdicts, samples, rate_hz, before_s, recorded.peak_frequency_hz),
-            "Verdict, signal, spectrogram and damping ratio with its 95 % interval; the vertical line is the onset.",
+            "Verdict, signal, spectrogram and damping ratio with its 95 % interval; the vertical line is the onset. The"
+            " verdict is that of a replay of this recording, which does not know what was heard before it began: until"
+            " the onset it may differ from what was said then.",
         ),
         "<h2>What to change</h2>",
         _changes(recorded),
