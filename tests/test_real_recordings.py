@@ -99,10 +99,9 @@ def test_accelerometer_alarm_ends_with_the_burst(replayed):
     assert all(alarm["t0"] >= 3.95 and alarm["t1"] <= 5.05 for alarm in alarms)
 
 
-@pytest.mark.xfail(strict=True, reason=(
-    "0 of 20 intervals: the excerpt of one second chatters from its first sample on, so nothing is seen to grow;"
-    " it reads stable, damping 1.4 % at 1149 Hz"
-))  # fmt: skip
 def test_turning_chatter_is_found(replayed):
-    """The excerpt of chattering turning is an alarm."""
-    assert replayed("turning_c_770_005_10k.wav").alarms()
+    """The excerpt of chattering turning, which grows for half of its second, is an alarm from then on."""
+    alarms = replayed("turning_c_770_005_10k.wav").alarms()
+    assert alarms[0]["t0"] <= 0.5
+    assert alarms[-1]["t1"] == 1.0
+    assert all(1050 <= alarm["frequency_hz"] <= 1350 for alarm in alarms if alarm["frequency_hz"] is not None)

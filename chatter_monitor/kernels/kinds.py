@@ -33,7 +33,7 @@ COHERENCE_LAG_S = 0.025
 
 # A line of the short-time spectrum (`tracking.spectrum.Line`), with the damping ratio of the tracker's mode at it, or
 # its own where there is none, its log odds for self-excitation by its place among the orders, and the share of the
-# power that its vibration takes.
+# power that its vibration takes, and by how much it has grown from rotation to rotation (natural logarithm).
 LINE = np.dtype(
     [
         ("frequency_hz", float),
@@ -48,6 +48,7 @@ LINE = np.dtype(
         ("damping_ratio", float),
         ("order_odds", float),
         ("dominance", float),
+        ("growth", float),
     ]
 )
 
@@ -107,6 +108,8 @@ class Likeness(NamedTuple):
 
 
 NOTHING = Likeness(-CONVINCING, -CONVINCING, -CONVINCING)
+# What has grown from rotation to rotation was not there from the start, and is no noise, however unsteady its lines.
+REGENERATED = Likeness(CONVINCING, CONVINCING, -CONVINCING)
 
 
 @njit(**OPTIONS)

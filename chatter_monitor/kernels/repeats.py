@@ -43,6 +43,8 @@ class Repeats(NamedTuple):
         The largest correlation of each of the latest frames, the newest first.
     times : ndarray of float64, shape (CHANGING,)
         How many times as loud as in the frame was before what repeats in it.
+    lag, louder : ndarray of float64, shape (1,)
+        Lag in frames at which the newest frame repeats most; natural logarithm of how many times as loud it is as then.
     """
 
     samples: np.ndarray
@@ -50,13 +52,21 @@ class Repeats(NamedTuple):
     products: np.ndarray
     now: np.ndarray
     times: np.ndarray
+    lag: np.ndarray
+    louder: np.ndarray
 
 
 def new_repeats(frame: int) -> Repeats:
     """Nothing has been heard."""
     size = frame // THINNED
     return Repeats(
-        np.zeros((LONGEST + 1) * size), np.zeros(size + 1), np.zeros(size + 1), np.zeros(CHANGING), np.zeros(CHANGING)
+        samples=np.zeros((LONGEST + 1) * size),
+        correlation=np.zeros(size + 1),
+        products=np.zeros(size + 1),
+        now=np.zeros(CHANGING),
+        times=np.zeros(CHANGING),
+        lag=np.zeros(1),
+        louder=np.zeros(1),
     )
 
 
@@ -79,26 +89,28 @@ def repeating_share(frame, repeats):
     for i in range(CHANGING - 1, 0, -1):
         repeats.now[i] = repeats.now[i - 1]
         repeats.times[i] = repeats.times[i - 1]
-    repeats.now[0] = repeats.times[0] = 0.0
+    repeats.now[0] = repeats.times[0] = repeats.lag[0] = repeats.louder[0] = 0.0
     power = _products(samples, size, products)
     total = 0.0
     square = 0.0
     for t in range(size):
         total += samples[t]
         square += samples[t] * samples[t]
-    share = most = 0.0
+    share = most = past = 0.0
     where = 0
     for i in range(size + 1):
-        norm = power * (square - total * total / size)
+        before = square - total * total / size
+        norm = power * before
         now = products[i] / math.sqrt(norm) if norm > 0.0 else 0.0
         if now > most:
-            most, where = now, i
+            most, where, past = now, i, before
         correlation[i] += AVERAGING * (now - correlation[i])
         share = max(share, correlation[i])
         total += samples[i + size] - samples[i]
         square += samples[i + size] * samples[i + size] - samples[i] * samples[i]
     if most > 0.0:
         repeats.now[0], repeats.times[0] = most, products[where] / power
+        repeats.lag[0], repeats.louder[0] = LONGEST - where / size, 0.5 * math.log(power / past)
     return min(share, 1.0)
 
 

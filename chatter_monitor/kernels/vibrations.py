@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from chatter_monitor.kernels.kinds import NOTHING, PRIOR, Chain, Kinds, Likeness, coherence_damping, follow, likeness
+from chatter_monitor.kernels.kinds import NOTHING, PRIOR, REGENERATED, Chain, Kinds, Likeness, coherence_damping, follow, likeness
 from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.rotations import GROWN, NO_MORE
 
 # A line belongs to a vibration when it is this near, relatively or in Hz.
 SAME_VIBRATION = 0.06
@@ -244,6 +245,8 @@ def _another_interval(vibration, seen, rules):
 @njit(**OPTIONS)
 def _likeness(vibration, line, weights):
     """What a line says of its vibration."""
+    if line.growth >= (NO_MORE if vibration.chattered else GROWN):
+        return REGENERATED
     if vibration.chattered and _died_down(line):
         return NOTHING
     seen = likeness(line, weights)

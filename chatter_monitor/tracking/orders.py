@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels.repeats import got_fainter, new_repeats, repeating_share
+from chatter_monitor.kernels.rotations import growth, new_rotations
 from chatter_monitor.kernels.taken import share_taken
 from chatter_monitor.tracking.comb import Target
 from chatter_monitor.tracking.follower import CombFollower
@@ -102,6 +103,9 @@ class Orders(NamedTuple):
         Share of the power that repeats what was 50 to 100 ms before, combs taken out or not (`kernels.repeats`).
     fainter : bool
         Whether most of the signal goes on repeating, and has just got fainter.
+    growth : float
+        By how much a comb that is out of step with the rotation has grown (natural logarithm of the amplitude), 0 if
+        there is none (`kernels.rotations`).
     """
 
     first_sample: int
@@ -115,6 +119,7 @@ class Orders(NamedTuple):
     returned: bool = False
     repeating_share: float = 0.0
     fainter: bool = False
+    growth: float = 0.0
 
     @property
     def heard(self) -> bool:
@@ -159,6 +164,8 @@ class OrderTracker:
         self._signals = np.empty((len(self._followers) + 1, size))  # before, between and after the followers
         self._repeats = new_repeats(size)
         self._repeating = 0.0
+        self._rotations = new_rotations()
+        self._growth = 0.0
         self._filled = 0
         self._undigested = False  # whether the signals are those of a whole frame that has ended
         self._next_sample = 0
@@ -245,6 +252,7 @@ class OrderTracker:
         first_sample = self._next_sample - self._filled
         if self._filled == self._signals.shape[1]:  # a last, shorter frame tells nothing new
             self._repeating = repeating_share(self._signals[0], self._repeats)
+            self._growth = growth(self._rotations, self._repeats)
         share = share_taken(self._signals[0, : self._filled], self._signals[-1, : self._filled])
         before, share_before = self._taken
         self._taken = sum(follower.harmonics is not None for follower in self._followers), share
@@ -275,6 +283,7 @@ class OrderTracker:
             returned,
             self._repeating,
             bool(got_fainter(self._repeats)),
+            self._growth,
         )
 
     def _from_memory(self, sample: int) -> tuple[float | None, float | None, Source | None]:

@@ -136,7 +136,7 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     """What an interval is, given what has been followed so far."""
     alarm = memory.alarm
     if alarm is not None:
-        return Opinion("self_excited", alarm.self_excited, _why_chatter(alarm), alarm.heard)
+        return Opinion("self_excited", alarm.self_excited, _why_chatter(alarm, evidence.orders.growth), alarm.heard)
     suspect = next((v for v in memory.vibrations if v.heard is not None), None)
     calm = 1.0 - (memory.vibrations[0].self_excited if memory.vibrations else 0.0)  # of the most suspicious
     forced = _forced_by(memory.forced_share)
@@ -222,11 +222,13 @@ def _why_warned(suspect: Followed) -> str:
     return f"{_line(suspect)} has risen; it may grow by itself, or come from something that turns"
 
 
-def _why_chatter(alarm: Followed) -> tuple[str, ...]:
+def _why_chatter(alarm: Followed, growth: float) -> tuple[str, ...]:
     if alarm.heard is None:
         return ("the vibration has not died down since the alarm",)
     line, mode = alarm.heard.line, alarm.heard.mode
     reasons = [f"{_line(alarm)} {'grows' if alarm.kinds.growing > alarm.kinds.saturated else 'has grown'} by itself"]
+    if growth > 0.0:
+        reasons.append(f"its waves come back after a rotation, out of step and louder: {math.exp(growth):.1f} times so far")
     if line.absolute_rise > 0.5:
         reasons.append(f"{math.exp(line.absolute_rise):.1f} times its amplitude of the last seconds")
     elif line.news > 0.5:

@@ -145,6 +145,8 @@ def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
     vibrations, orders = evidence.vibrations, evidence.orders
     own = [v.line.share * left(v.line, evidence) for v in vibrations]
     heard = orders.source == "refined" and orders.heard
+    # what grows from rotation to rotation is many lines, nearer to each other than they can be told: it is the strongest
+    strongest = max(vibrations, key=lambda v: v.line.share, default=None) if orders.growth > 0.0 else None
     numbers: list[float] = []  # one after the other they are put into an array several times faster than as records
     for v, dominance in zip(vibrations, own, strict=True):
         line = v.line
@@ -153,7 +155,9 @@ def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
             dominance += sum(more for o, more in zip(vibrations, own, strict=True) if is_overtone(o.line, line))
             if heard:
                 line = with_news(line)
-        numbers += (*line[:-1], v.damping_ratio, at_its_place, dominance)
+        growth = orders.growth if v is strongest else 0.0
+        dominance = max(dominance, 1.0 - math.exp(-2.0 * growth))  # all the power is its but what there was before
+        numbers += (*line[:-1], v.damping_ratio, at_its_place, dominance, growth)
     return np.array(numbers, dtype=np.float64).view(LINE)
 
 

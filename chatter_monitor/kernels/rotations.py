@@ -1,0 +1,154 @@
+"""Whether each rotation repeats the one before, louder and out of step: chatter with many waves in a rotation.
+
+Each rotation cuts into the waves that the one before has left, and the vibration answers them with a delay in phase. The
+roots of the delay equation lie about one rotation's frequency apart (Insperger and Stepan, Semi-Discretization for
+Time-Delay Systems, 2011), nearer to each other than lines can be told, and none of them takes most of the power. Forced
+lines are such a comb, too. But they are at multiples of the rotation: after a rotation all of it is as it was, the waves
+and their envelope. Of chatter the envelope comes back, and the waves below it have moved on. So does the correlation
+with what was a rotation before: where its envelope is largest, it is at a crest for a forced comb only.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.repeats import Repeats
+
+# A rotation repeats the one before: so large a correlation, at a lag that differs by so little from frame to frame.
+REPEATING, SAME_LAG = 0.6, 0.03
+# It has grown when it has been louder in so many frames in a row, and the amplitude more than doubled (natural
+# logarithm); what has grown is followed until it is half of that.
+IN_A_ROW, GROWN, NO_MORE = 4, 0.8, 0.4
+# Out of step is a mean cosine of the phase below that of 60 degrees.
+OUT_OF_STEP = 0.5
+# Within a rotation it repeats by so much less, at lags from so many frames on to so near a whole rotation: a mode that
+# noise drives repeats the more the nearer, and teeth repeat more often.
+IN_BETWEEN, NEAREST, NEXT = 0.6, 0.36, 0.9
+# Waves on either side of the largest correlation that its envelope is taken over, and that it is looked for in.
+WAVES = 2.0
+
+# Indices of what is known: the lag in frames, frames in a row, growth of the logarithm of the amplitude and sum of the
+# cosines in them, and whether it has been found to repeat less within a rotation.
+LAG, FRAMES, GROWTH, COSINES, ALONE = range(5)
+
+
+def new_rotations():
+    """Nothing has been heard."""
+    return np.zeros(5)
+
+
+@njit(**OPTIONS)
+def growth(rotations: np.ndarray, repeats: Repeats) -> float:
+    """Follow another frame; return by how much what repeats out of step has grown.
+
+    Parameters
+    ----------
+    rotations : ndarray of float64, shape (5,)
+        Changed in place.
+    repeats : Repeats
+        What has been heard, this frame included.
+
+    Returns
+    -------
+    float
+        Natural logarithm of the amplitude, from `NO_MORE` on, or 0.
+    """
+    lag = repeats.lag[0]
+    repeating = repeats.now[0] >= REPEATING
+    if not repeating or abs(lag - rotations[LAG]) > SAME_LAG * lag:
+        rotations[:] = 0.0
+    if not repeating:
+        return 0.0
+    step = repeats.louder[0] / lag
+    had_grown = rotations[GROWTH] >= GROWN
+    rotations[LAG] = lag
+    rotations[FRAMES] += 1.0
+    rotations[GROWTH] += step
+    rotations[COSINES] += cosine(repeats.correlation)
+    if rotations[GROWTH] < NO_MORE if had_grown else step <= 0.0:
+        rotations[1:] = 0.0
+    if rotations[FRAMES] < IN_A_ROW or rotations[GROWTH] < NO_MORE:
+        return 0.0
+    if rotations[COSINES] >= OUT_OF_STEP * rotations[FRAMES]:
+        return 0.0
+    if rotations[ALONE] == 0.0 and _between(repeats) <= IN_BETWEEN * repeats.now[0]:
+        rotations[ALONE] = 1.0
+    return rotations[GROWTH] if rotations[ALONE] == 1.0 else 0.0
+
+
+@njit(**OPTIONS)
+def cosine(correlation: np.ndarray) -> float:
+    """Cosine of the phase of a correlation where its envelope is largest; 1 where that is not found.
+
+    Parameters
+    ----------
+    correlation : ndarray of float64, shape (lags,)
+        A narrow-band signal's, from lag to lag.
+    """
+    crest = np.argmax(correlation)
+    before, after = _next_crest(correlation, crest, -1), _next_crest(correlation, crest, 1)
+    omega = 4.0 * math.pi / max(after - before, 1)
+    reach = round(WAVES * 2.0 * math.pi / omega)
+    last = correlation.shape[0] - 1 - reach
+    begin, end = max(crest - reach, reach), min(crest + reach, last)
+    largest = 0.0
+    where = begin
+    for at in range(begin, end + 1):
+        envelope = abs(_around(correlation, at, omega, reach))
+        if envelope > largest:
+            largest, where = envelope, at
+    if where <= begin or where >= end:
+        return 1.0
+    left = abs(_around(correlation, where - 1, omega, reach))
+    right = abs(_around(correlation, where + 1, omega, reach))
+    here = _around(correlation, where, omega, reach)
+    aside = 0.5 * (left - right) / (left - 2.0 * largest + right)  # crest of the parabola through the three
+    return math.cos(math.atan2(here.imag, here.real) + omega * aside)
+
+
+@njit(**OPTIONS)
+def _next_crest(values, crest, step):
+    """The next maximum beside one."""
+    i = crest + step
+    while 0 < i < values.shape[0] - 1 and values[i] <= values[i - step]:
+        i += step
+    while 0 < i < values.shape[0] - 1 and values[i + step] > values[i]:
+        i += step
+    return i
+
+
+@njit(**OPTIONS)
+def _around(values, at, omega, reach):
+    """Complex amplitude of the wave at a place, under a Hann window."""
+    total = complex(0.0, 0.0)
+    for m in range(-reach, reach + 1):
+        weight = 0.5 + 0.5 * math.cos(math.pi * m / (reach + 1))
+        total += weight * values[at + m] * complex(math.cos(omega * m), -math.sin(omega * m))
+    return total
+
+
+@njit(**OPTIONS)
+def _between(repeats):
+    """The largest correlation within a rotation."""
+    samples = repeats.samples
+    size = repeats.correlation.shape[0] - 1
+    end = samples.shape[0]
+    largest = 0.0
+    for lag in range(round(NEAREST * size), round(NEXT * repeats.lag[0] * size)):
+        largest = max(largest, abs(_coefficient(samples[end - size :], samples[end - size - lag : end - lag])))
+    return largest
+
+
+@njit(**OPTIONS)
+def _coefficient(a, b):
+    """Coefficient of correlation of two stretches."""
+    mean_a, mean_b = np.mean(a), np.mean(b)
+    product = power_a = power_b = 0.0
+    for t in range(a.shape[0]):
+        product += (a[t] - mean_a) * (b[t] - mean_b)
+        power_a += (a[t] - mean_a) ** 2
+        power_b += (b[t] - mean_b) ** 2
+    norm = math.sqrt(power_a * power_b)
+    return product / norm if norm > 0.0 else 0.0

@@ -1,0 +1,93 @@
+"""Whether each rotation repeats the one before, louder and out of step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import hilbert
+
+from chatter_monitor.kernels.repeats import new_repeats, repeating_share
+from chatter_monitor.kernels.rotations import GROWN, cosine, growth, new_rotations
+
+RATE, FRAME = 12_800, 640
+ROTATION = 1010  # samples: 760 rpm
+CALM = 3  # rotations that are alike, before and after the louder ones
+
+
+def listen(samples):
+    """What is heard frame by frame."""
+    repeats, rotations = new_repeats(FRAME), new_rotations()
+    heard = []
+    for frame in samples[: len(samples) // FRAME * FRAME].reshape(-1, FRAME):
+        repeating_share(frame, repeats)
+        heard.append(growth(rotations, repeats))
+    return np.array(heard)
+
+
+def cut(phase, gain, seed=1, louder=5, room=0.02):
+    """Waves around 1150 Hz that come back after a rotation, moved on by a phase and so many times as loud for a while."""
+    rng = np.random.default_rng(seed)
+    frequency = np.fft.rfftfreq(ROTATION, 1.0 / RATE)
+    band = np.exp(-0.5 * ((frequency - 1150.0) / 120.0) ** 2)
+    wave = hilbert(np.fft.irfft(band * np.fft.rfft(rng.standard_normal(ROTATION)), ROTATION))
+    steps = np.concatenate([np.ones(CALM), np.full(louder, gain), np.ones(CALM)])
+    turns = np.cumprod(steps * np.exp(1j * phase))
+    samples = np.concatenate([(turn * wave).real for turn in turns]) / np.std(wave.real)
+    return samples + room * rng.standard_normal(len(samples))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("phase", [-2.0, 1.7, 3.0])
+def test_waves_that_regenerate_are_heard(phase, seed):
+    """Five rotations each a third louder than the one before: by 1.4 e-folds, of which all but the first are seen."""
+    heard = listen(cut(phase, 4 / 3, seed))
+    assert heard.max() == pytest.approx(5 * np.log(4 / 3), rel=0.25)
+    assert not heard[: CALM * ROTATION // FRAME].any()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_forced_comb_that_gets_louder_is_in_step(seed):
+    """What a rotation forces comes back as it was: it has not grown by itself, however loud it gets."""
+    assert listen(cut(0.0, 4 / 3, seed)).max() == 0.0
+
+
+@pytest.mark.parametrize("phase", [0.0, 1.7, 3.0])
+@pytest.mark.parametrize("gain", [0.8, 1.0])
+def test_what_does_not_get_louder_has_not_grown(phase, gain):
+    """The waves of a stable cut come back, too, out of step and as loud as before."""
+    assert listen(cut(phase, gain)).max() == 0.0
+
+
+def test_teeth_that_get_louder_have_not_grown():
+    """They repeat within a rotation as well, here five times, each time a little louder."""
+    one = cut(1.7, 1.0, louder=0, room=0.0)[: ROTATION // 5]
+    samples = np.concatenate([1.06**k * one for k in range(60)])
+    assert listen(samples).max() == 0.0
+
+
+def test_noise_and_what_it_drives_do_not_grow():
+    """A minute of noise, and of a mode of 0.4 % damping that it drives."""
+    noise = np.random.default_rng(5).standard_normal(60 * RATE)
+    assert listen(noise).max() == 0.0
+    angle = 2 * np.pi * 500.0 / RATE
+    radius = np.exp(-0.004 * angle)
+    mode = np.zeros(len(noise))
+    for i in range(2, len(mode)):
+        mode[i] = 2 * radius * np.cos(angle) * mode[i - 1] - radius**2 * mode[i - 2] + noise[i]
+    assert listen(mode).max() < GROWN
+
+
+@pytest.mark.parametrize("phase", np.linspace(-3.0, 3.0, 7))
+@pytest.mark.parametrize("period", [4.3, 5.6, 12.0])
+def test_the_phase_is_that_at_the_envelopes_crest(phase, period):
+    """Of a wave under a Gaussian envelope, whose crest lies between two lags."""
+    lag = np.arange(321) - 150.4
+    correlation = np.exp(-0.5 * (lag / (1.2 * period)) ** 2) * np.cos(2 * np.pi * lag / period + phase)
+    assert cosine(correlation) == pytest.approx(np.cos(phase), abs=0.15)
+
+
+def test_where_no_envelope_has_a_crest_nothing_is_out_of_step():
+    """What repeats the less the longer ago, without coming back."""
+    lag = np.arange(321)
+    assert cosine(np.exp(-(320 - lag) / 100.0) * np.cos(0.9 * lag)) == 1.0
+    assert cosine(np.zeros(321)) == 1.0
