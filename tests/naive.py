@@ -233,6 +233,8 @@ class NaiveVibration:
         self.glides.append(bool(abs(self.glide) > max(1e-3, 0.4 * np.sqrt(self.jitter))))
 
     def likeness(self, line: np.void, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        if line["growth"] >= (0.4 if self.chattered else 0.8):
+            return np.array([CONVINCING, CONVINCING, -CONVINCING])
         fallen = [rise for rise in (line["absolute_rise"], line["long_rise"]) if rise < vibrations.DIED_DOWN]
         if self.chattered and fallen and line["absolute_rise"] < 0.0:
             return np.full(3, -CONVINCING)

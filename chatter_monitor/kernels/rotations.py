@@ -1,11 +1,12 @@
 """Whether each rotation repeats the one before, louder and out of step: chatter with many waves in a rotation.
 
-Each rotation cuts into the waves that the one before has left, and the vibration answers them with a delay in phase. The
-roots of the delay equation lie about one rotation's frequency apart (Insperger and Stepan, Semi-Discretization for
-Time-Delay Systems, 2011), nearer to each other than lines can be told, and none of them takes most of the power. Forced
-lines are such a comb, too. But they are at multiples of the rotation: after a rotation all of it is as it was, the waves
-and their envelope. Of chatter the envelope comes back, and the waves below it have moved on. So does the correlation
-with what was a rotation before: where its envelope is largest, it is at a crest for a forced comb only.
+Each rotation cuts into the waves that the one before has left, and the vibration answers them with a delay in phase.
+The roots of the delay equation lie about one rotation's frequency apart (Insperger and Stepan, Semi-Discretization for
+Time-Delay Systems, 2011), nearer to each other than lines can be told, and none of them takes most of the power.
+
+Forced lines are such a comb, too. But they are at multiples of the rotation: after a rotation all of it is as it was,
+the waves and their envelope. Of chatter the envelope comes back, and the waves below it have moved on. So where the
+envelope of the correlation with what was a rotation before is largest, it is at a crest for a forced comb only.
 """
 
 import math
@@ -34,7 +35,7 @@ WAVES = 2.0
 LAG, FRAMES, GROWTH, COSINES, ALONE = range(5)
 
 
-def new_rotations():
+def new_rotations() -> np.ndarray:
     """Nothing has been heard."""
     return np.zeros(5)
 

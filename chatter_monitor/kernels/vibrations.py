@@ -6,7 +6,17 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from chatter_monitor.kernels.kinds import NOTHING, PRIOR, REGENERATED, Chain, Kinds, Likeness, coherence_damping, follow, likeness
+from chatter_monitor.kernels.kinds import (
+    NOTHING,
+    PRIOR,
+    REGENERATED,
+    Chain,
+    Kinds,
+    Likeness,
+    coherence_damping,
+    follow,
+    likeness,
+)
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.rotations import GROWN, NO_MORE
 

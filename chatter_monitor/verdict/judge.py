@@ -228,7 +228,7 @@ def _why_chatter(alarm: Followed, growth: float) -> tuple[str, ...]:
     line, mode = alarm.heard.line, alarm.heard.mode
     reasons = [f"{_line(alarm)} {'grows' if alarm.kinds.growing > alarm.kinds.saturated else 'has grown'} by itself"]
     if growth > 0.0:
-        reasons.append(f"its waves come back after a rotation, out of step and louder: {math.exp(growth):.1f} times so far")
+        reasons.append(f"its waves come back after each rotation out of step, and grew {math.exp(growth):.1f} times")
     if line.absolute_rise > 0.5:
         reasons.append(f"{math.exp(line.absolute_rise):.1f} times its amplitude of the last seconds")
     elif line.news > 0.5:

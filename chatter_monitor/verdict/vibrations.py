@@ -145,7 +145,7 @@ def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
     vibrations, orders = evidence.vibrations, evidence.orders
     own = [v.line.share * left(v.line, evidence) for v in vibrations]
     heard = orders.source == "refined" and orders.heard
-    # what grows from rotation to rotation is many lines, nearer to each other than they can be told: it is the strongest
+    # what grows from rotation to rotation is many lines, too near to each other to be told: it counts as the strongest
     strongest = max(vibrations, key=lambda v: v.line.share, default=None) if orders.growth > 0.0 else None
     numbers: list[float] = []  # one after the other they are put into an array several times faster than as records
     for v, dominance in zip(vibrations, own, strict=True):

@@ -25,7 +25,7 @@ def listen(samples):
 
 
 def cut(phase, gain, seed=1, louder=5, room=0.02):
-    """Waves around 1150 Hz that come back after a rotation, moved on by a phase and so many times as loud for a while."""
+    """Waves around 1150 Hz that come back after a rotation, moved on by a phase; some of them louder and louder."""
     rng = np.random.default_rng(seed)
     frequency = np.fft.rfftfreq(ROTATION, 1.0 / RATE)
     band = np.exp(-0.5 * ((frequency - 1150.0) / 120.0) ** 2)

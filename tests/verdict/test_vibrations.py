@@ -49,10 +49,11 @@ def shift(seed, intervals):
                         0.01,
                         rng.normal(0.0, 1.5),
                         rng.choice((1.0, 0.3)),
+                        rng.choice((0.0, 0.5, 0.9), p=(0.8, 0.1, 0.1)) if number == 2 else 0.0,
                     )
                 )
         for hertz in rng.uniform(50.0, 6000.0, rng.integers(0, 4)):
-            rows.append((hertz, 0.01, 8.0, 0.5, 0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.9), 0.03, -0.7, 0.01))  # noqa: PERF401
+            rows.append((hertz, 0.01, 8.0, 0.5, 0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.9), 0.03, -0.7, 0.01, 0.0))  # noqa: PERF401
         yield np.array(rows, LINE)
 
 
@@ -217,6 +218,20 @@ def test_chatter_is_over_when_it_is_fainter(long_rise, absolute_rise, over):
     for _ in range(20):
         (chatter,) = following.follow(heard._replace(vibrations=(vibration._replace(line=line),)), RULES)
     assert bool(chatter.alarm_for) is not over
+
+
+@pytest.mark.parametrize(("growth", "alarms"), [(1.0, True), (0.7, False), (0.0, False)])
+def test_what_regenerates_is_an_alarm_whatever_its_lines_look_like(growth, alarms):
+    """The strongest of several unsteady lines, none of which has risen or takes most of the power; not the others."""
+    lines = tuple(
+        Vibration(Line(hertz, share, 15.0, 0.6, 0.0, 0.0, 0.0, 0.0, 0.5), None)
+        for hertz, share in ((1000.0, 0.3), (1150.0, 0.5), (1300.0, 0.2))
+    )
+    heard = interval(1000.0)._replace(vibrations=lines, orders=Orders(0, None, None, None, 0.0, growth=growth))
+    following = Following()
+    for _ in range(8):
+        told = following.follow(heard, RULES)
+    assert [v.frequency_hz for v in told if v.alarm_for] == ([1150.0] if alarms else [])
 
 
 def test_at_rest_only_chatter_is_remembered():
