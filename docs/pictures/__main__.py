@@ -22,6 +22,7 @@ from chatter_monitor.service.modelling import simulate_to_file
 from chatter_monitor.service.replay import Replay
 from chatter_monitor.service.reporting import report_event
 from chatter_monitor.service.showing import show_diagnosis, show_recording
+from docs.pictures import recordings
 from docs.pictures.browser import photograph
 from docs.pictures.viewer import viewer
 
@@ -83,14 +84,16 @@ def main(out: Path) -> None:
         with viewer(saved, UNHURRIED_S) as shown:
             shown.save(out / "dashboard_diagnosis.png")
         photograph(Path(folder) / "diagnosis" / "report.html", out / "report_diagnosis.png", width=900, height=960)
-        real_turning(Path(folder) / "real", out)
+        real_recordings(Path(folder) / "real", out)
         play_in_a_joint(Path(folder) / "play", out)
         photograph(reported(Path(folder)), out / "report_event.png", width=900, height=1300)
 
 
-def real_turning(folder: Path, out: Path) -> None:
-    """Take the maps out of the report on the real turning recording that chatters, where it is at hand."""
+def real_recordings(folder: Path, out: Path) -> None:
+    """Draw the verdicts on the real recordings, and take the maps out of the report on the turning that chatters."""
     if DATA.is_dir():
+        folder.mkdir(parents=True, exist_ok=True)
+        recordings.draw(folder, out / "real_verdicts.png")
         diagnosed_real("turning_chatter", folder)
         maps, *_ = embedded(folder / "report.html")
         (out / "real_turning.png").write_bytes(maps)
