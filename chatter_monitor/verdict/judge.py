@@ -144,6 +144,8 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
         return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
     if suspect is not None and suspect.self_excited >= settings.warning_probability:
         return Opinion("approaching", WARNING_RIGHT * calm, (_why_warned(suspect),), suspect.heard)
+    if evidence.orders.growth > 0.0:
+        return Opinion("approaching", WARNING_RIGHT * calm, (_why_grown(evidence.orders.growth),))
     if _is_mostly_forced(memory, settings):
         return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
     return _stable_or_near(evidence, memory, calm * (1.0 - forced), settings)
@@ -228,7 +230,7 @@ def _why_chatter(alarm: Followed, growth: float) -> tuple[str, ...]:
     line, mode = alarm.heard.line, alarm.heard.mode
     reasons = [f"{_line(alarm)} {'grows' if alarm.kinds.growing > alarm.kinds.saturated else 'has grown'} by itself"]
     if growth > 0.0:
-        reasons.append(f"its waves come back after each rotation out of step, and grew {math.exp(growth):.1f} times")
+        reasons.append(_why_grown(growth))
     if line.absolute_rise > 0.5:
         reasons.append(f"{math.exp(line.absolute_rise):.1f} times its amplitude of the last seconds")
     elif line.news > 0.5:
@@ -237,6 +239,10 @@ def _why_chatter(alarm: Followed, growth: float) -> tuple[str, ...]:
     if mode is not None:
         reasons.append(f"damping {_percent(mode)}")
     return tuple(reasons)
+
+
+def _why_grown(growth: float) -> str:
+    return f"the waves come back after each rotation out of step, and grew {math.exp(growth):.1f} times"
 
 
 def _why_forced(

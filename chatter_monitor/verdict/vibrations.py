@@ -135,7 +135,9 @@ def steady_share(synchronous: float, vibrations: Iterable[Followed]) -> float:
 
 
 def repeating_share(orders: Orders, vibrations: Iterable[Followed]) -> float:
-    """Share of the power that repeats, but for that of what has chattered: that repeats, too."""
+    """Share of the power that repeats, but for that of what has chattered or regenerates: that repeats, too."""
+    if orders.growth > 0.0:
+        return 0.0
     chattered = sum(v.heard.line.share for v in vibrations if v.heard is not None and v.chattered)
     return orders.repeating_share - (1.0 - orders.synchronous_share) * chattered
 

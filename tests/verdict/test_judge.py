@@ -402,6 +402,13 @@ def test_what_has_chattered_repeats_and_is_not_forced():
     assert repeating_share(orders, (ringing._replace(chattered=False),)) == 0.9
 
 
+def test_what_regenerates_is_not_forced():
+    """It repeats from rotation to rotation, too; it is a warning from the first interval in which it has grown."""
+    orders = UNKNOWN_SPEED._replace(repeating_share=0.9)
+    assert states(evidence(orders=orders)) == ["forced"]
+    assert states(evidence(orders=orders._replace(growth=0.5))) == ["approaching"]
+
+
 def test_a_tool_that_enters_cuts():
     """While the tool enters it is not idle; forced as soon as it repeats, never an alarm."""
     enters = [evidence(growing(), cutting=False, entering=True)] * 20
