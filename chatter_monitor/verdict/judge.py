@@ -12,7 +12,7 @@ import msgspec
 
 from chatter_monitor.kernels.vibrations import Rules
 from chatter_monitor.records import Flag, State, Verdict
-from chatter_monitor.tracking.orders import Orders
+from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration, probability_below, spindle_order
 from chatter_monitor.verdict.vibrations import Followed, Following, repeating_share, steady_share
 
@@ -136,16 +136,16 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     """What an interval is, given what has been followed so far."""
     alarm = memory.alarm
     if alarm is not None:
-        return Opinion("self_excited", alarm.self_excited, _why_chatter(alarm, evidence.orders.growth), alarm.heard)
+        return Opinion("self_excited", alarm.self_excited, reasons.chatter(alarm, evidence.orders.growth), alarm.heard)
     suspect = next((v for v in memory.vibrations if v.heard is not None), None)
     calm = 1.0 - (memory.vibrations[0].self_excited if memory.vibrations else 0.0)  # of the most suspicious
     forced = _forced_by(memory.forced_share)
     if memory.synchronous > MOST:
         return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
     if suspect is not None and suspect.self_excited >= settings.warning_probability:
-        return Opinion("approaching", WARNING_RIGHT * calm, (_why_warned(suspect),), suspect.heard)
+        return Opinion("approaching", WARNING_RIGHT * calm, (reasons.warned(suspect),), suspect.heard)
     if evidence.orders.growth > 0.0:
-        return Opinion("approaching", WARNING_RIGHT * calm, (_why_grown(evidence.orders.growth),))
+        return Opinion("approaching", WARNING_RIGHT * calm, (reasons.grown(evidence.orders.growth),))
     if _is_mostly_forced(memory, settings):
         return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
     return _stable_or_near(evidence, memory, calm * (1.0 - forced), settings)
@@ -164,7 +164,7 @@ def _entering(memory: Memory, settings: JudgeSettings) -> Opinion:
     """What a cut is that begins: of its lines nothing is known yet, but whether it repeats is heard."""
     forced = _forced_by(memory.forced_share)
     if _is_mostly_forced(memory, settings):
-        return Opinion("forced", forced, ("the tool enters the cut", _why_repeating(memory)))
+        return Opinion("forced", forced, ("the tool enters the cut", reasons.repeating(memory.repeating)))
     return Opinion("stable", 1.0 - forced, ("the tool enters the cut",))
 
 
@@ -197,7 +197,7 @@ def _stable_or_near(evidence: Evidence, memory: Memory, sure: float, settings: J
         return Opinion("approaching", WARNING_RIGHT * sure, (why,))
     if mode is None:
         return Opinion("stable", sure, ("no mode stands out",))
-    where = f"damping {_percent(mode)} at {mode.frequency_hz:.0f} Hz"
+    where = f"damping {reasons.damping(mode)} at {mode.frequency_hz:.0f} Hz"
     # One interval, the second of a recording above all, says little that the next does not take back.
     if memory.undamped and _is_undamped(evidence, settings) and not _is_forced(mode, memory):
         return Opinion("approaching", WARNING_RIGHT * sure, (where,))
@@ -217,34 +217,6 @@ def _is_forced(mode: ModeEvidence, memory: Memory) -> bool:
     )
 
 
-def _why_warned(suspect: Followed) -> str:
-    """What is not certain: whether it grows, or what makes it."""
-    if suspect.kinds.risen < suspect.unexplained:
-        return f"{_line(suspect)} begins to grow; not certain yet"
-    return f"{_line(suspect)} has risen; it may grow by itself, or come from something that turns"
-
-
-def _why_chatter(alarm: Followed, growth: float) -> tuple[str, ...]:
-    if alarm.heard is None:
-        return ("the vibration has not died down since the alarm",)
-    line, mode = alarm.heard.line, alarm.heard.mode
-    reasons = [f"{_line(alarm)} {'grows' if alarm.kinds.growing > alarm.kinds.saturated else 'has grown'} by itself"]
-    if growth > 0.0:
-        reasons.append(_why_grown(growth))
-    if line.absolute_rise > 0.5:
-        reasons.append(f"{math.exp(line.absolute_rise):.1f} times its amplitude of the last seconds")
-    elif line.news > 0.5:
-        reasons.append(f"it stands out {math.exp(line.news):.1f} times as much as in the cuts before")
-    reasons.append(f"it takes {100 * line.share:.0f} % of the power that is not in multiples of a rotation")
-    if mode is not None:
-        reasons.append(f"damping {_percent(mode)}")
-    return tuple(reasons)
-
-
-def _why_grown(growth: float) -> str:
-    return f"the waves come back after each rotation out of step, and grew {math.exp(growth):.1f} times"
-
-
 def _why_forced(
     evidence: Evidence, memory: Memory, settings: JudgeSettings
 ) -> tuple[tuple[str, ...], Vibration | None]:
@@ -254,40 +226,12 @@ def _why_forced(
     vibration = None if strongest is None or turns else strongest.heard
     if _stands_for(memory.steady) > settings.forced_share:
         if turns and evidence.orders.heard:
-            return _why_turning(evidence.orders), None
+            return (reasons.turning(evidence.orders),), None
         if strongest is not None:
-            return _why_steady(strongest), strongest.heard
+            return (reasons.steady(strongest),), strongest.heard
     if memory.repeating > memory.synchronous:
-        return (_why_repeating(memory),), vibration
+        return (reasons.repeating(memory.repeating),), vibration
     return ("most of the power was steady until just now",), vibration
-
-
-def _why_turning(orders: Orders) -> tuple[str, ...]:
-    lines = ", ".join(f"{line.order} x" for line in orders.lines[:3])
-    turning = "" if orders.rotation_hz is None else f" of {orders.rotation_hz:.1f} Hz ({orders.source}): {lines}"
-    return (f"{100 * orders.synchronous_share:.0f} % of the power is in multiples{turning}",)
-
-
-def _why_repeating(memory: Memory) -> str:
-    return f"{100 * memory.repeating:.0f} % of the power repeats after a rotation or several"
-
-
-def _why_steady(forced: Followed) -> tuple[str, ...]:
-    on_order = forced.heard is not None and forced.heard.on_order
-    if forced.kinds.risen > forced.kinds.steady:
-        where = "is on an order of the spindle" if on_order else "may come from something that turns"
-        return (f"{_line(forced)} has risen, but {where}",)
-    if on_order:
-        return (f"{_line(forced)} is steady and on an order of the spindle",)
-    return (f"{_line(forced)} is steady and was not seen to grow: something forces it",)
-
-
-def _line(vibration: Followed) -> str:
-    return f"the vibration at {vibration.frequency_hz:.0f} Hz"
-
-
-def _percent(mode: ModeEvidence) -> str:
-    return f"{100 * mode.damping_ratio:.2f} % ± {196 * mode.damping_sd:.2f} %"
 
 
 class Judge:

@@ -1,0 +1,71 @@
+"""Why a verdict is what it is, in words for who stands at the machine."""
+
+from __future__ import annotations
+
+import math
+
+from chatter_monitor.tracking.orders import Orders
+from chatter_monitor.verdict.evidence import ModeEvidence
+from chatter_monitor.verdict.vibrations import Followed
+
+
+def warned(suspect: Followed) -> str:
+    """What is not certain: whether it grows, or what makes it."""
+    if suspect.kinds.risen < suspect.unexplained:
+        return f"{_line(suspect)} begins to grow; not certain yet"
+    return f"{_line(suspect)} has risen; it may grow by itself, or come from something that turns"
+
+
+def chatter(alarm: Followed, growth: float) -> tuple[str, ...]:
+    """What an alarm is about, and by how much what repeats has grown from rotation to rotation."""
+    if alarm.heard is None:
+        return ("the vibration has not died down since the alarm",)
+    line, mode = alarm.heard.line, alarm.heard.mode
+    told = [f"{_line(alarm)} {'grows' if alarm.kinds.growing > alarm.kinds.saturated else 'has grown'} by itself"]
+    if growth > 0.0:
+        told.append(grown(growth))
+    if line.absolute_rise > 0.5:
+        told.append(f"{math.exp(line.absolute_rise):.1f} times its amplitude of the last seconds")
+    elif line.news > 0.5:
+        told.append(f"it stands out {math.exp(line.news):.1f} times as much as in the cuts before")
+    told.append(f"it takes {100 * line.share:.0f} % of the power that is not in multiples of a rotation")
+    if mode is not None:
+        told.append(f"damping {damping(mode)}")
+    return tuple(told)
+
+
+def grown(growth: float) -> str:
+    """That what repeats from rotation to rotation has grown by so many e-folds."""
+    return f"the waves come back after each rotation out of step, and grew {math.exp(growth):.1f} times"
+
+
+def turning(orders: Orders) -> str:
+    """How much of the power turns, and at which orders."""
+    lines = ", ".join(f"{line.order} x" for line in orders.lines[:3])
+    multiples = "" if orders.rotation_hz is None else f" of {orders.rotation_hz:.1f} Hz ({orders.source}): {lines}"
+    return f"{100 * orders.synchronous_share:.0f} % of the power is in multiples{multiples}"
+
+
+def repeating(share: float) -> str:
+    """How much of the power repeats."""
+    return f"{100 * share:.0f} % of the power repeats after a rotation or several"
+
+
+def steady(forced: Followed) -> str:
+    """Which vibration is forced, and why it is taken for that."""
+    on_order = forced.heard is not None and forced.heard.on_order
+    if forced.kinds.risen > forced.kinds.steady:
+        where = "is on an order of the spindle" if on_order else "may come from something that turns"
+        return f"{_line(forced)} has risen, but {where}"
+    if on_order:
+        return f"{_line(forced)} is steady and on an order of the spindle"
+    return f"{_line(forced)} is steady and was not seen to grow: something forces it"
+
+
+def damping(mode: ModeEvidence) -> str:
+    """Damping ratio of a mode with its 95 % interval."""
+    return f"{100 * mode.damping_ratio:.2f} % ± {196 * mode.damping_sd:.2f} %"
+
+
+def _line(vibration: Followed) -> str:
+    return f"the vibration at {vibration.frequency_hz:.0f} Hz"
