@@ -105,3 +105,11 @@ def test_turning_chatter_is_found(replayed):
     assert alarms[0]["t0"] <= 0.5
     assert alarms[-1]["t1"] == 1.0
     assert all(1050 <= alarm["frequency_hz"] <= 1350 for alarm in alarms if alarm["frequency_hz"] is not None)
+
+
+@pytest.mark.parametrize("skipped", [100, 250, 350])
+def test_turning_chatter_is_found_wherever_the_frames_begin(tmp_path, skipped):
+    """The same cut, heard from 10, 25 or 35 ms later on."""
+    samples, rate = soundfile.read(path_of("turning_c_770_005_10k.wav"))
+    soundfile.write(tmp_path / "later.wav", samples[skipped:], rate)
+    assert replay(tmp_path / "later.wav", tmp_path).alarms()

@@ -158,7 +158,11 @@ def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
             if heard:
                 line = with_news(line)
         growth = orders.growth if v is strongest else 0.0
-        dominance = max(dominance, 1.0 - math.exp(-2.0 * growth))  # all the power is its but what there was before
+        if (
+            growth > 0.0
+        ):  # out of step is off the orders, whatever the speed; all power is its but what there was before
+            at_its_place = max(at_its_place, odds.off_found)
+            dominance = max(dominance, 1.0 - math.exp(-2.0 * growth))
         numbers += (*line[:-1], v.damping_ratio, at_its_place, dominance, growth)
     return np.array(numbers, dtype=np.float64).view(LINE)
 
