@@ -67,9 +67,10 @@ def growth(rotations: np.ndarray, repeats: Repeats) -> float:
     rotations[LAG] = lag
     rotations[FRAMES] += 1.0
     rotations[GROWTH] += step
-    rotations[COSINES] += cosine(repeats.correlation)
     if rotations[GROWTH] < NO_MORE if had_grown else step <= 0.0:
         rotations[1:] = 0.0
+        return 0.0
+    rotations[COSINES] += cosine(repeats.correlation)
     if rotations[FRAMES] < IN_A_ROW or rotations[GROWTH] < NO_MORE:
         return 0.0
     if rotations[COSINES] >= OUT_OF_STEP * rotations[FRAMES]:
@@ -122,12 +123,22 @@ def _next_crest(values, crest, step):
 
 @njit(**OPTIONS)
 def _around(values, at, omega, reach):
-    """Complex amplitude of the wave at a place, under a Hann window."""
+    """Complex amplitude of the wave at a place, under a Hann window; no cosine is taken anew for each value."""
+    along = math.pi / (reach + 1)
+    wave, turn = _turned(omega * reach), _turned(-omega)
+    hann, next_one = _turned(-along * reach), _turned(along)
     total = complex(0.0, 0.0)
     for m in range(-reach, reach + 1):
-        weight = 0.5 + 0.5 * math.cos(math.pi * m / (reach + 1))
-        total += weight * values[at + m] * complex(math.cos(omega * m), -math.sin(omega * m))
+        total += (0.5 + 0.5 * hann.real) * values[at + m] * wave
+        wave *= turn
+        hann *= next_one
     return total
+
+
+@njit(**OPTIONS)
+def _turned(angle):
+    """One, turned by an angle."""
+    return complex(math.cos(angle), math.sin(angle))
 
 
 @njit(**OPTIONS)
