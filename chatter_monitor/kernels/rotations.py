@@ -56,12 +56,12 @@ def growth(rotations: np.ndarray, repeats: Repeats) -> float:
     float
         Natural logarithm of the amplitude, from `NO_MORE` on, or 0.
     """
-    lag = repeats.lag[0]
-    repeating = repeats.now[0] >= REPEATING
-    if not repeating or abs(lag - rotations[LAG]) > SAME_LAG * lag:
+    if repeats.now[0] < REPEATING:
         rotations[:] = 0.0
-    if not repeating:
         return 0.0
+    lag = repeats.lag[0]
+    if abs(lag - rotations[LAG]) > SAME_LAG * lag:
+        rotations[:] = 0.0
     step = repeats.louder[0] / lag
     had_grown = rotations[GROWTH] >= GROWN
     rotations[LAG] = lag

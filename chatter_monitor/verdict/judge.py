@@ -185,8 +185,7 @@ def _forced_by(share: float) -> float:
 
 def _steadiest(memory: Memory) -> Followed | None:
     """Of the vibrations that are heard, the one with most steady power."""
-    heard = (v for v in memory.vibrations if v.heard is not None and v.steady_share)
-    return max(heard, key=lambda v: v.steady_share, default=None)
+    return max((v for v in memory.vibrations if v.steady_share), key=lambda v: v.steady_share, default=None)
 
 
 def _stable_or_near(evidence: Evidence, memory: Memory, sure: float, settings: JudgeSettings) -> Opinion:

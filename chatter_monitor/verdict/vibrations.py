@@ -130,7 +130,7 @@ class Following:
 
 def steady_share(synchronous: float, vibrations: Iterable[Followed]) -> float:
     """Share of the power that turns with the spindle, or is in steady lines that have not chattered."""
-    steady = sum(v.steady_share for v in vibrations if v.heard is not None)
+    steady = sum(v.steady_share for v in vibrations)
     return synchronous + (1.0 - synchronous) * min(steady, 1.0)
 
 
@@ -158,9 +158,8 @@ def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
             if heard:
                 line = with_news(line)
         growth = orders.growth if v is strongest else 0.0
-        if (
-            growth > 0.0
-        ):  # out of step is off the orders, whatever the speed; all power is its but what there was before
+        if growth > 0.0:
+            # out of step is off the orders, whatever the speed; and all power is its but what there was before
             at_its_place = max(at_its_place, odds.off_found)
             dominance = max(dominance, 1.0 - math.exp(-2.0 * growth))
         numbers += (*line[:-1], v.damping_ratio, at_its_place, dominance, growth)

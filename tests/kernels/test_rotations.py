@@ -24,16 +24,21 @@ def listen(samples):
     return np.array(heard)
 
 
+def wave(samples, seed):
+    """An analytic signal around 1150 Hz that comes round after so many samples, with a power of 1."""
+    rng = np.random.default_rng(seed)
+    frequency = np.fft.rfftfreq(samples, 1.0 / RATE)
+    band = np.exp(-0.5 * ((frequency - 1150.0) / 120.0) ** 2)
+    wave = hilbert(np.fft.irfft(band * np.fft.rfft(rng.standard_normal(samples)), samples))
+    return wave / np.std(wave.real)
+
+
 def cut(phase, gain, seed=1, louder=5, room=0.02):
     """Waves around 1150 Hz that come back after a rotation, moved on by a phase; some of them louder and louder."""
-    rng = np.random.default_rng(seed)
-    frequency = np.fft.rfftfreq(ROTATION, 1.0 / RATE)
-    band = np.exp(-0.5 * ((frequency - 1150.0) / 120.0) ** 2)
-    wave = hilbert(np.fft.irfft(band * np.fft.rfft(rng.standard_normal(ROTATION)), ROTATION))
     steps = np.concatenate([np.ones(CALM), np.full(louder, gain), np.ones(CALM)])
-    turns = np.cumprod(steps * np.exp(1j * phase))
-    samples = np.concatenate([(turn * wave).real for turn in turns]) / np.std(wave.real)
-    return samples + room * rng.standard_normal(len(samples))
+    one = wave(ROTATION, seed)
+    samples = np.concatenate([(turn * one).real for turn in np.cumprod(steps * np.exp(1j * phase))])
+    return samples + room * np.random.default_rng(100 + seed).standard_normal(len(samples))
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -58,11 +63,12 @@ def test_what_does_not_get_louder_has_not_grown(phase, gain):
     assert listen(cut(phase, gain)).max() == 0.0
 
 
-def test_teeth_that_get_louder_have_not_grown():
-    """They repeat within a rotation as well, here five times, each time a little louder."""
-    one = cut(1.7, 1.0, louder=0, room=0.0)[: ROTATION // 5]
-    samples = np.concatenate([1.06**k * one for k in range(60)])
-    assert listen(samples).max() == 0.0
+@pytest.mark.parametrize("teeth", [2, 5])
+def test_what_repeats_within_a_rotation_is_not_for_this(teeth):
+    """Out of step and louder from tooth to tooth: lines so far apart are told one by one."""
+    one = wave(1150 // teeth, 1)
+    turns = np.cumprod(np.full(16 * teeth, 1.5 ** (1 / teeth) * np.exp(1.7j)))
+    assert listen(np.concatenate([(turn * one).real for turn in turns])).max() == 0.0
 
 
 def test_noise_and_what_it_drives_do_not_grow():
