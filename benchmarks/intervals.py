@@ -2,7 +2,7 @@
 
     chatter-monitor prove --cases 100 --seed SEED --out DIR     # may be broken off once the key is sealed
     python -m benchmarks.intervals DIR ... [--kinds coulomb stribeck hysteresis]
-    python -m benchmarks.intervals --draw SEED --each 10 [--kinds coulomb]      # cases of its own, so many of each kind
+    python -m benchmarks.intervals --draw SEED --each 10 [--kinds KIND ...]   # cases of its own, so many of each kind
 
 Fits the true term to each recording, beginning with its true parameters and the mode that is left beside it, and
 counts how often each 95 % interval holds the truth. A bias of the method shows here; that a fit from the shapes of a
@@ -34,10 +34,11 @@ from chatter_monitor.discrepancy.linear import Base, calibrate
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.prove.blind.case import make_case
 from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE as EFFECTS
+from chatter_monitor.discrepancy.prove.blind.effects import PART
 from chatter_monitor.discrepancy.spectrum import RESOLUTION, periodogram
 from chatter_monitor.physics.model_file import read_model
 from chatter_monitor.physics.parts import AppliedTerm
-from chatter_monitor.physics.terms import CATALOGUE
+from chatter_monitor.physics.terms import ABOVE, CATALOGUE
 
 
 def prepared(directory: Path) -> Case:
@@ -67,12 +68,23 @@ def beginning(case: Case, applied: AppliedTerm) -> Start:
     return Start((applied,), inn.linear.beside(float(spring), float(damper)), ())
 
 
-def fitted(directory: Path, truth: dict[str, Any]) -> dict[str, tuple[float, float]]:
-    """Estimate and standard deviation of each true parameter, over the truth."""
+def _true(truth: dict[str, Any]) -> AppliedTerm:
+    """The true term, above its amplitude if it has one."""
     term = CATALOGUE[truth["names"][0]]
     unsaid = {p.name: p.default if p.default is not None else float(not p.linear) for p in term.parameters}
-    case = prepared(directory)
-    found = fullest(case, [beginning(case, AppliedTerm(term, unsaid | truth["parameters"]))])[1].parameters[0]
+    if truth["amplitude_above"] is None:
+        return AppliedTerm(term, unsaid | truth["parameters"])
+    return AppliedTerm(term.above_amplitude, unsaid | truth["parameters"] | {ABOVE.name: truth["amplitude_above"]})
+
+
+def fitted(directory: Path, truth: dict[str, Any]) -> dict[str, tuple[float, float]]:
+    """Estimate and standard deviation of each true parameter, over the truth."""
+    case, applied = prepared(directory), _true(truth)
+    if truth["time_s"]:  # the machine is that of the whole recording
+        start = Start((applied,), case.innovations.linear, (), between_s=tuple(truth["time_s"][0]))
+    else:
+        start = beginning(case, applied)
+    found = fullest(case, [start])[1].parameters[0]
     return {name: (found[name][0] / true, found[name][1] / abs(true)) for name, true in truth["parameters"].items()}
 
 
@@ -80,15 +92,15 @@ def of_proofs(proofs: Sequence[Path], kinds: Sequence[str]) -> Iterator[tuple[Pa
     """Cases of proofs: where they are, and the truth."""
     for proof in proofs:
         for name, truth in json.loads((proof / "key.json").read_text())["cases"].items():
-            delayed = truth["family"] == "catalogue" and CATALOGUE[truth["names"][0]].delayed
-            if truth["family"] == "catalogue" and not delayed and truth["kind"] in (kinds or [truth["kind"]]):
+            in_catalogue = truth["family"] in ("catalogue", "part") and not CATALOGUE[truth["names"][0]].delayed
+            if in_catalogue and truth["kind"] in (kinds or [truth["kind"]]):
                 yield proof / "cases" / name, truth
 
 
 def drawn(seed: int, each: int, kinds: Sequence[str]) -> Iterator[tuple[Path, dict[str, Any]]]:
     """Cases that nobody has sealed."""
     for number in range(each):
-        for effect_number, effect in enumerate(EFFECTS, 1):
+        for effect_number, effect in enumerate((*EFFECTS, *PART), 1):
             if CATALOGUE[effect.names[0]].delayed or effect.kind not in (kinds or [effect.kind]):
                 continue
             made = make_case(effect, seed, 1000 * number + effect_number)

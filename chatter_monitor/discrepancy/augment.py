@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.evidence import Evidence
@@ -36,10 +37,11 @@ _HOPE = 3.0  # times what the next step promises: as much a model may still gain
 _LARGEST_STEP = 0.5  # relative, of a shape
 _DERIVATIVE_STEP = 0.02
 _NOISE_STEP, _LARGEST_NOISE_STEP = 0.1, 3.0  # of the logarithm of the noise
-_AS_GIVEN = ("cutting_speed_m_s", ABOVE.name)  # parameters that are not fitted
+_AS_GIVEN = ("cutting_speed_m_s",)  # parameters that are not fitted
 # Of a velocity over which friction fades, over that of the tool: that of the narrowest candidate. What the observer
 # does not know of the velocity is as much, and a narrower law would be seen by chance only.
 _NARROWEST = 0.1
+_ALWAYS = (-math.inf, math.inf)
 _LEAST_NOISE = 1e-6  # over the motion: less changes nothing
 
 
@@ -81,12 +83,15 @@ class Start:
         Terms that the model has besides, which stay as they are.
     price_nats : float
         Of what else this model has before others.
+    between_s : (float, float)
+        When the terms that were found act.
     """
 
     found: tuple[AppliedTerm, ...]
     linear: Linear
     before: tuple[AppliedTerm, ...]
     price_nats: float = 0.0
+    between_s: tuple[float, float] = _ALWAYS
 
 
 def augment(case: Case, found: Sequence[AppliedTerm], linear: Linear | None = None) -> Augmented:
@@ -144,7 +149,7 @@ class _Climb:
             before = tuple(applied for applied in before if not applied.term.delayed)
         linear = replace(start.linear, noise=max(start.linear.noise, _LEAST_NOISE))
         _, sd_v = scales(case.innovations.motion)
-        self.model = _Model(linear, (*before, *start.found), len(before), _NARROWEST * sd_v)
+        self.model = _Model(linear, (*before, *start.found), len(before), _NARROWEST * sd_v, start.between_s)
         self.here: _Fitted | None = None
         self.steps_left = STEPS
 
@@ -205,13 +210,20 @@ class _Knob:
 class _Model:
     """A linear machine with terms, of which those from `first` on are fitted together with its mode.
 
-    No velocity over which a term of theirs fades falls below `narrowest`.
+    They act between two times. No velocity over which a term of theirs fades falls below `narrowest`.
     """
 
     linear: Linear
     terms: tuple[AppliedTerm, ...]
     first: int
     narrowest: float
+    between_s: tuple[float, float]
+
+    @property
+    def partial(self) -> bool:
+        """Whether what is fitted acts in a part of the recording, or above an amplitude, only."""
+        fitted = self.terms[self.first :]
+        return self.between_s != _ALWAYS or any(ABOVE.name in applied.parameters for applied in fitted)
 
     @property
     def knobs(self) -> list[_Knob]:
@@ -283,13 +295,18 @@ class _Model:
         """Half as much of each term."""
         return replace(self, terms=(*self.terms[: self.first], *map(_softened, self.terms[self.first :])))
 
+    def innovations(self, recorded: Recorded, error_sd: float, taps: Vector | None = None) -> Innovations:
+        """On a recording."""
+        between_s = [_ALWAYS] * self.first + [self.between_s] * (len(self.terms) - self.first)
+        return Innovations(recorded, self.linear, self.terms, taps, error_sd, between_s)
+
     def slope(self, knob: _Knob, inn: Innovations, error_sd: float) -> Vector:
         """What one unit less of a parameter adds to the whitened errors, the filter's idea of their size unchanged."""
         nudge = self._nudge(knob, inn)
         other = self.turned(knob, nudge)
         if self.holds(knob, nudge):
             other = self.turned(knob, -nudge)
-        changed = Innovations(inn.recorded, other.linear, other.terms, inn.taps, error_sd)
+        changed = other.innovations(inn.recorded, error_sd, inn.taps)
         return np.asarray((inn.white - changed.white) / (other.value(knob) - self.value(knob)))
 
 
@@ -326,7 +343,7 @@ def _fitted(case: Case, model: _Model, beat: _Fitted | None = None) -> _Fitted |
     error_sd = (beat.innovations if beat else case.innovations).error_sd
     weight = case.weight
     try:
-        inn = Innovations(case.recorded, model.linear, model.terms, error_sd=error_sd)
+        inn = model.innovations(case.recorded, error_sd)
         loss = _loss(inn, weight)
         if beat and loss >= beat.loss:
             return None
@@ -360,6 +377,8 @@ def _nuisance(case: Case, model: _Model) -> list[int]:
     way from a parameter that does the same.
     """
     stood_for = set(case.columns["retuning"][:2])
+    if case.local is not None and model.partial:
+        stood_for.update(case.columns["local"][: len(case.local.units)])
     if len(model.linear.modes) == 1:
         stood_for.update(case.columns.get("modes", []))
     if not any(applied.term.delayed for applied in model.terms[: model.first]):

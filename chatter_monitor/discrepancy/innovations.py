@@ -18,7 +18,7 @@ from chatter_monitor.kernels.forces_along import Tried, forces_along
 from chatter_monitor.kernels.observer import SMOOTH, SUBSTEPS, Forces, Motion, cut_by_the_tooth_before, observe
 from chatter_monitor.kernels.signatures import LANES, response_of, signatures, unseen_of
 from chatter_monitor.physics.parts import AppliedTerm
-from chatter_monitor.physics.terms import Term
+from chatter_monitor.physics.terms import ABOVE, Term
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -26,8 +26,16 @@ _SIDE_BY_SIDE = 8  # terms: few enough for a share to each core
 _MEMORY_DECAYS = 5.0  # samples before a used one that have to be there, in decay times of the filter
 
 
-def known_forces(terms: Sequence[AppliedTerm]) -> Forces:
-    """Terms as the kernels take them."""
+def known_forces(terms: Sequence[AppliedTerm], between: Sequence[tuple[float, float]] = ()) -> Forces:
+    """Terms as the kernels take them.
+
+    Parameters
+    ----------
+    terms : sequence of AppliedTerm
+    between : sequence of (float, float)
+        Samples between which each acts; always where nothing is said.
+    """
+    laws = [applied.term.law or applied.term for applied in terms]
     columns = [0, *accumulate(len(applied.values) for applied in terms)]
     return Forces(
         np.array([applied.term.compiled_force.address for applied in terms], dtype=np.int64),
@@ -35,6 +43,9 @@ def known_forces(terms: Sequence[AppliedTerm]) -> Forces:
         np.array([substeps_of(applied.term) for applied in terms], dtype=np.int64),
         np.array(columns[:-1], dtype=np.int64),
         np.array([value for applied in terms for value in applied.values] or [0.0]),
+        np.array([law.compiled_force.address for law in laws], dtype=np.int64),
+        np.array([applied.parameters.get(ABOVE.name, 0.0) for applied in terms]),
+        np.array([*between] or [(-math.inf, math.inf)] * len(terms)).reshape(len(terms), 2),
     )
 
 
@@ -88,6 +99,8 @@ class Innovations:
     error_sd : float, optional
         About the standard deviation of the errors. What the filter does not know of the motion, over which it averages
         the forces, is of that size; if it is not given, a first run tells it.
+    between_s : sequence of (float, float), optional
+        When each of the terms acts; always if not given.
 
     Attributes
     ----------
@@ -110,6 +123,7 @@ class Innovations:
         terms: Sequence[AppliedTerm] = (),
         taps: Vector | None = None,
         error_sd: float | None = None,
+        between_s: Sequence[tuple[float, float]] = (),
     ) -> None:
         self.recorded, self.linear, self.terms = recorded, linear, tuple(terms)
         n = recorded.samples.size
@@ -122,7 +136,7 @@ class Innovations:
         memory = self.memory()
         self.settled = trusted(recorded.missing, memory)
         self.used = trusted(recorded.missing, ORDER + 2 * memory)
-        known = known_forces(self.terms)
+        known = known_forces(self.terms, [(a * recorded.rate_hz, b * recorded.rate_hz) for a, b in between_s])
         for _ in range(2 if self.terms and error_sd is None else 1):
             observe(self.observer, known, recorded.samples, recorded.missing, self.settled, self.errors, self.motion)
             self.error_sd = float(np.std(self.errors[self.used]))

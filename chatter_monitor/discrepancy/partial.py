@@ -1,16 +1,15 @@
 """Models with a force that acts above an amplitude, or in a stretch of the recording, only; `simulate` runs them.
 
-Above an amplitude the force goes through the nonlinear filter, coefficients and mode fitted, as forces do that act all
-along: the machine of the whole recording has a part of it in its stiffness and damping. The amplitude stays the most
-likely of the regression: a filter's errors, which jump with it, have no slope that tells.
-In a stretch the machine is known from the rest of the recording, and the regression has the coefficients.
+Above an amplitude the force goes through the nonlinear filter, coefficients, amplitude and mode fitted, as forces do
+that act all along: the machine of the whole recording has a part of it in its stiffness and damping.
+In a stretch it goes through the filter as well, beside whatever acts all along.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from chatter_monitor.discrepancy.augment import Augmented, augment
+from chatter_monitor.discrepancy.augment import Augmented, Start, augment, fullest
 from chatter_monitor.discrepancy.case import Case, Local, Threshold
 from chatter_monitor.discrepancy.evidence import Regressed
 from chatter_monitor.discrepancy.findings import of_local
@@ -29,10 +28,13 @@ def begins_above(case: Case, augmented: Augmented) -> Augmented | None:
     if case.threshold is None:
         return None
     try:
-        fitted = _above(case, augmented.system.terms[-1], case.threshold, augmented.innovations.linear)
+        fitted, threshold = _above(case, augmented.system.terms[-1], case.threshold, augmented.innovations.linear)
     except Diverged:
         return None
-    return fitted if fitted.gain_nats >= augmented.gain_nats else None
+    if fitted.gain_nats < augmented.gain_nats:
+        return None
+    case.threshold = threshold
+    return fitted
 
 
 def acts_there(
@@ -53,13 +55,19 @@ def acts_there(
     applied = _applied(local, fit)
     if applied is not None and local.between_s is not None:
         before = augmented or Augmented(base, case.innovations, [], [], local.as_likely[0].evidence_nats)
-        return of_local(local, fit), replace(before, system=_in_stretch(before.system, applied, local.between_s))
+        fitted = _fitted_there(case, applied, local.between_s, before)
+        if fitted is None:
+            return of_local(local, fit), replace(before, system=_in_stretch(before.system, applied, local.between_s))
+        system = replace(before.system, modes=fitted.system.modes)
+        system = _in_stretch(system, fitted.system.terms[-1], local.between_s)
+        return of_local(local, fit, fitted.parameters[0]), replace(fitted, system=system)
     if applied is None or local.threshold is None or case.named:
         return of_local(local, fit), None
     try:
-        fitted = _above(case, applied, local.threshold, _without_it(case.innovations.linear, fit))
+        fitted, threshold = _above(case, applied, local.threshold, _without_it(case.innovations.linear, fit))
     except Diverged:
         return of_local(local, fit), None
+    case.local = local = replace(local, threshold=threshold)
     return of_local(local, fit, fitted.parameters[0]), fitted
 
 
@@ -85,8 +93,8 @@ def _without_it(linear: Linear, fit: Regressed) -> Linear:
     return linear.beside(float(spring), float(damper)) if len(linear.modes) == 1 else linear
 
 
-def _above(case: Case, applied: AppliedTerm, threshold: Threshold, linear: Linear) -> Augmented:
-    """Fit a force that begins at an amplitude, from a machine without it.
+def _above(case: Case, applied: AppliedTerm, threshold: Threshold, linear: Linear) -> tuple[Augmented, Threshold]:
+    """Fit a force that begins at an amplitude, from a machine without it; and that amplitude.
 
     Raises
     ------
@@ -94,7 +102,20 @@ def _above(case: Case, applied: AppliedTerm, threshold: Threshold, linear: Linea
         If the model runs away from the recording.
     """
     begun = AppliedTerm(applied.term.above_amplitude, {**applied.parameters, ABOVE.name: threshold.above})
-    return augment(case, [begun], linear)
+    fitted = augment(case, [begun], linear)
+    above, sd = fitted.parameters[0].pop(ABOVE.name)
+    return fitted, replace(threshold, above=above, ci95=(above - 1.96 * sd, above + 1.96 * sd))
+
+
+def _fitted_there(
+    case: Case, applied: AppliedTerm, between_s: tuple[float, float], before: Augmented
+) -> Augmented | None:
+    """Fit a force that acts in a stretch, beside what acts all along; None if it runs away."""
+    start = Start((applied,), before.innovations.linear, before.system.terms, between_s=between_s)
+    try:
+        return fullest(case, [start])[1]
+    except Diverged:
+        return None
 
 
 def _in_stretch(system: MachiningSystem, applied: AppliedTerm, between_s: tuple[float, float]) -> MachiningSystem:

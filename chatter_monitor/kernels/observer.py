@@ -56,6 +56,9 @@ class Forces(NamedTuple):
     substeps: np.ndarray  # (t,) SUBSTEPS or SMOOTH
     columns: np.ndarray  # (t,) first parameter of each
     parameters: np.ndarray  # (p,)
+    laws: np.ndarray  # (t,) addresses of the same forces wherever the tool is
+    above: np.ndarray  # (t,) amplitude from which on they act; 0 for all
+    between: np.ndarray  # (t, 2) first sample from which on they act, and first at which they do not any more
 
 
 class Motion(NamedTuple):
@@ -152,6 +155,26 @@ def averaged_jump(address, x, v, lagged, angle, omega, z, parameters, spread):
 
 
 @njit(**OPTIONS)
+def share_above(above, x, v, omega, spread):
+    """Chance that the amplitude sqrt(x^2 + (v / w)^2) is at least `above`, with what is not known of the tool's state.
+
+    It is near enough a normal variable: what is not known across the direction of (x, v / w) makes it larger, what is
+    not known along it makes it scatter.
+    """
+    if above == 0.0:
+        return 1.0
+    amplitude = math.hypot(x, v / omega)
+    cos, sin = x / amplitude, v / (omega * amplitude)
+    along = across = 0.0
+    for i in range(2):
+        dx, dv = spread[0, i], spread[1, i] / omega
+        along += (cos * dx + sin * dv) ** 2
+        across += (cos * dv - sin * dx) ** 2
+    expected = amplitude + 0.5 * across / amplitude
+    return 0.5 * math.erfc((above - expected) / (_ROOT_2 * math.sqrt(along)))
+
+
+@njit(**OPTIONS)
 def node_of(substeps, i):
     """Which of `NODES` the i-th is at which a force is evaluated that jumps (SUBSTEPS), or does not (SMOOTH)."""
     return SUBSTEPS + i if substeps == SMOOTH else i
@@ -175,7 +198,7 @@ def about(s, x, v, omega, step_s):
 
 @njit(**OPTIONS)
 def over_step(
-    address, substeps, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0, z1, parameters, spread, when,
+    address, substeps, above, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0, z1, parameters, spread, when,
     step_s,
 ):  # fmt: skip
     """Force over one step as a straight line, its values at both ends, for a sensor of what the force has moved.
@@ -199,6 +222,7 @@ def over_step(
             force = averaged(address, x, v, lagged, turned, omega, z, parameters, there, i)
         else:
             force = averaged_jump(address, x, v, lagged, turned, omega, z, parameters, there)
+            force *= share_above(above, x, v, omega, there)
         mean += force
         slope += force * (s - 0.5)
         square += (s - 0.5) ** 2
@@ -208,7 +232,7 @@ def over_step(
 
 
 @njit(**OPTIONS)
-def at_sample(address, substeps, x0, v0, lagged, angle, turn, omega, z, parameters, spread, step_s):
+def at_sample(address, substeps, above, x0, v0, lagged, angle, turn, omega, z, parameters, spread, step_s):
     """Force at a sample, for a sensor that feels the force itself.
 
     Its low-pass and the filter's own idea of the force, one number per sample, leave of a jump the mean from half a
@@ -222,7 +246,8 @@ def at_sample(address, substeps, x0, v0, lagged, angle, turn, omega, z, paramete
         s = NODES[i]
         x, v = about(s, x0, v0, omega, step_s)
         turned = angle + turn * (s - 0.5)
-        mean += averaged_jump(address, x, v, lagged, turned, omega, z, parameters, spread)
+        force = averaged_jump(address, x, v, lagged, turned, omega, z, parameters, spread)
+        mean += force * share_above(above, x, v, omega, spread)
     return mean / substeps
 
 
@@ -244,15 +269,18 @@ def remembered(rate_address, x0, v0, x1, v1, lagged, angle, omega, z, parameters
 
 
 @njit(**OPTIONS)
-def known_over_step(observer, known, x0, v0, x1, v1, lagged0, lagged1, angle, memory, when, reached):
-    """Known forces over a step at its two ends, for a sensor that feels the force at its end alone.
+def known_over_step(observer, known, x0, v0, x1, v1, lagged0, lagged1, angle, memory, when, reached, k):
+    """Known forces over the step from sample k at its two ends, for a sensor that feels the force at its end alone.
 
     `reached` is filled with their memory at the end.
     """
     omega, turn, step, spread = observer.omega, observer.turn, observer.step_s, observer.spread
     begins = ends = 0.0
     for j in range(known.forces.size):
-        address, substeps = known.forces[j], known.substeps[j]
+        address, substeps, above = known.laws[j], known.substeps[j], known.above[j]
+        if not known.between[j, 0] <= k < known.between[j, 1]:
+            reached[j] = 0.0
+            continue
         p = known.parameters.ctypes.data + 8 * known.columns[j]
         z = memory[j]
         if known.rates[j] != 0:
@@ -260,11 +288,11 @@ def known_over_step(observer, known, x0, v0, x1, v1, lagged0, lagged1, angle, me
         reached[j] = z
         if observer.feed != 0.0:
             there = spread[SEEN if when == AFTER else AHEAD]
-            ends += at_sample(address, substeps, x1, v1, lagged1, angle + turn, turn, omega, z, p, there, step)
+            ends += at_sample(address, substeps, above, x1, v1, lagged1, angle + turn, turn, omega, z, p, there, step)
         else:
             begin, end = over_step(
-                address, substeps, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, memory[j], z, p, spread, when,
-                step,
+                address, substeps, above, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, memory[j], z, p, spread,
+                when, step,
             )  # fmt: skip
             begins += begin
             ends += end
@@ -318,7 +346,7 @@ def observe(observer, known, y, missing, settled, errors, motion):
         if count and k > 0 and settled[k] and settled[k - 1]:
             begins, ends = known_over_step(
                 observer, known, x_before, v_before, x, v, lagged_before, lagged, angle - observer.turn, memory, AFTER,
-                reached,
+                reached, k - 1,
             )  # fmt: skip
             for j in range(count):
                 memory[j] = reached[j]
@@ -354,7 +382,7 @@ def observe(observer, known, y, missing, settled, errors, motion):
         for attempt in range(3 if count and settled[k] else 1):
             if attempt > 0:
                 begins, late = known_over_step(
-                    observer, known, x, v, xp, vp, lagged, lagged_next, angle, memory, BEFORE, reached
+                    observer, known, x, v, xp, vp, lagged, lagged_next, angle, memory, BEFORE, reached, k
                 )
                 early = early if feels else begins
             xp = vp = 0.0

@@ -93,6 +93,8 @@ class Term:
         Has a slope at rest, so that it counts in the characteristic equation.
     limits_growth : bool
         Grows faster than the velocity, so that a negative damping ratio leads to a limit cycle.
+    law : Term, optional
+        Of a term that acts above an amplitude only: the same wherever the tool is.
     """
 
     name: str
@@ -106,6 +108,7 @@ class Term:
     chip_thickness: str | None = None
     smooth: bool = True
     limits_growth: bool = False
+    law: Term | None = None
 
     @property
     def needs_spindle(self) -> bool:
@@ -122,6 +125,7 @@ class Term:
             parameters=(*self.parameters, ABOVE),
             force=above_amplitude(self.force, last),
             smooth=False,
+            law=self,
         )
 
     @cached_property

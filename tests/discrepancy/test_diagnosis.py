@@ -155,6 +155,8 @@ def test_an_effect_in_a_part_of_the_recording_is_located_there():
     assert diagnosis.model.at(last - 0.1).terms[0].parameters["coefficient"] == max(drift.value) > 0.0
     assert report.warnings == []
     assert min(last, end) - max(first, begin) > 0.8 * (max(last, end) - min(first, begin))
+    gap = report.terms[0].parameters["gap"]  # fitted through the filter, not the nearest of a grid
+    assert gap.ci95[0] < 1.0 < gap.ci95[1]
 
 
 @pytest.mark.parametrize(("effect", "strength", "name"), STRONG)
@@ -189,6 +191,15 @@ def test_friction_above_an_amplitude_is_located_there():
     # A machine fitted to the whole spectrum has the friction in its damping; this one has less of it (truth: 0.02).
     assert diagnosis.model.terms[0].parameters["above"] == report.located.amplitude[0]
     assert 0.02 < diagnosis.model.modes[0].damping_ratio < 0.75 * diagnosis.base.modes[0].damping_ratio
+
+
+def test_friction_above_an_amplitude_is_as_large_as_it_is():
+    """An accelerometer tells the amplitude to a tenth: where friction sets in is averaged over that."""
+    machine = Machine("coulomb", 0.06, above=1.2, quantity="acceleration", frequency_hz=220.0)
+    found = diagnosed(machine, 114)
+    friction = found.report.terms[0].parameters["coefficient"]
+    assert friction.ci95[0] < coefficient(machine) < friction.ci95[1]
+    assert found.report.located.amplitude[0] == pytest.approx(1.2, rel=0.03)
 
 
 @pytest.mark.xfail(

@@ -10,7 +10,7 @@ from scipy import stats
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.observer import Linear
-from chatter_monitor.kernels.observer import AFTER, AHEAD, BEFORE, NODES, SEEN, SUBSTEPS, either_side
+from chatter_monitor.kernels.observer import AFTER, AHEAD, BEFORE, NODES, SEEN, SUBSTEPS, either_side, share_above
 from chatter_monitor.physics.parts import AppliedTerm, Mode
 from chatter_monitor.physics.terms import CATALOGUE
 from tests.discrepancy.machine import OVERSAMPLING, Machine, coefficient, record, states
@@ -92,3 +92,32 @@ def test_either_side_of_a_normal_variable(expected):
     below, above = stats.truncnorm(-np.inf, -expected), stats.truncnorm(-expected, np.inf)
     wanted = [(stats.norm.cdf(s * expected), side.mean(), side.std()) for s, side in ((-1, below), (1, above))]
     np.testing.assert_allclose(either_side(expected), wanted, atol=2e-3)
+
+
+@pytest.mark.parametrize(("x", "v"), [(1.0, 0.0), (0.0, 1000.0), (0.8, -700.0), (0.2, 900.0)])
+def test_the_chance_of_being_above_an_amplitude(x, v):
+    """That of a normal state about the one that is expected, by Monte Carlo."""
+    omega = 1000.0
+    spread = np.array([[0.01, 0.02], [100.0, 0.0]])
+    drawn = np.array([[x], [v]]) + spread @ np.random.default_rng(3).standard_normal((2, 100_000))
+    amplitude = np.hypot(drawn[0], drawn[1] / omega)
+    for above in (0.9, 1.0, 1.1):
+        assert share_above(above, x, v, omega, spread) == pytest.approx(np.mean(amplitude > above), abs=0.05)
+    assert share_above(0.0, x, v, omega, spread) == 1.0
+
+
+def test_a_force_acts_between_two_times():
+    """The filter knows it there only: errors before are those of the machine without it."""
+    machine = Machine("clearance", 0.06, frequency_hz=220.0, seconds=4.0, between_s=(1.0, 2.0))
+    samples = record(machine, 5)
+    recorded = Recorded(samples, np.zeros(samples.size, dtype=bool), machine.rate_hz)
+    linear = Linear((Mode(machine.frequency_hz, machine.damping_ratio),), "displacement", 1e-3)
+    omega = linear.modes[0].omega
+    term = AppliedTerm(CATALOGUE["clearance"], {"coefficient": coefficient(machine) / omega**2, "gap": 1.0})
+    knows = Innovations(recorded, linear, [term], between_s=[(1.0, 2.0)])
+    never = Innovations(recorded, linear, [term], between_s=[(9.0, 9.0)])
+    begin = round(1.0 * machine.rate_hz)
+    np.testing.assert_array_equal(knows.errors[:begin], never.errors[:begin])
+    there, gone = slice(begin, 2 * begin), slice(round(2.2 * machine.rate_hz), None)
+    assert np.std(knows.errors[there]) < np.std(never.errors[there])
+    np.testing.assert_allclose(knows.errors[gone], never.errors[gone], atol=1e-6 * np.std(samples))

@@ -46,13 +46,32 @@ def sample_by_sample(o, motion, settled, term, values):
         angle = o.turn * k
         ahead = remembered(rate, x, v, xp, vp, lp, angle, omega, z, p, step) if rate else z
         if o.feed:
-            force[0, k] = at_sample(address, substeps, x, v, lagged, angle, o.turn, omega, z, p, o.spread[SEEN], step)
+            force[0, k] = at_sample(
+                address, substeps, 0.0, x, v, lagged, angle, o.turn, omega, z, p, o.spread[SEEN], step
+            )
             force[1, k] = at_sample(
-                address, substeps, xp, vp, lp, angle + o.turn, o.turn, omega, ahead, p, o.spread[AHEAD], step
+                address, substeps, 0.0, xp, vp, lp, angle + o.turn, o.turn, omega, ahead, p, o.spread[AHEAD], step
             )
         else:
             force[:, k] = over_step(
-                address, substeps, x, v, xp, vp, lagged, lp, angle, o.turn, omega, z, ahead, p, o.spread, BEFORE, step
+                address,
+                substeps,
+                0.0,
+                x,
+                v,
+                xp,
+                vp,
+                lagged,
+                lp,
+                angle,
+                o.turn,
+                omega,
+                z,
+                ahead,
+                p,
+                o.spread,
+                BEFORE,
+                step,
             )
         if rate and k + 1 < settled.size:
             xn, vn, ln = motion.x[0, k + 1], motion.v[0, k + 1], motion.lagged[0, k + 1]
