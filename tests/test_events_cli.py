@@ -185,6 +185,7 @@ def test_export(run, directory, tmp_path):
     assert sorted(path.name for path in (out / A).iterdir()) == [
         f"{A}.flac",
         f"{A}.json",
+        f"{A}.jsonl",
         f"{A}.parquet",
     ]
     for copy in (out / A).iterdir():

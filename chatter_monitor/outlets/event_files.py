@@ -1,4 +1,4 @@
-"""The files of one recorded event: samples (FLAC or WAV), ODPs (Parquet), and what they belong to (JSON)."""
+"""The files of one recorded event: samples (FLAC or WAV), ODPs (Parquet), verdicts (JSON lines), and its JSON."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from chatter_monitor.errors import InputError
 from chatter_monitor.outlets.odp_table import OdpTable
 from chatter_monitor.outlets.wire import encode
-from chatter_monitor.records import Block, Event, Flag, OdpFrame
+from chatter_monitor.records import Block, Event, Flag, OdpFrame, Verdict
 
 SCHEMA = "chatter-monitor/recording/1"
 
@@ -33,8 +33,8 @@ class RecordedEvent(Event, frozen=True, kw_only=True, tag="event"):
     ----------
     schema : str
         `SCHEMA`.
-    recording, odp : str
-        File names of samples and ODPs, beside this one.
+    recording, odp, verdicts : str
+        File names of samples, ODPs and verdicts, beside this one.
     machine : str
         Name of the machine.
     utc : str
@@ -55,6 +55,7 @@ class RecordedEvent(Event, frozen=True, kw_only=True, tag="event"):
 
     schema: str
     odp: str
+    verdicts: str
     machine: str
     utc: str
     first_sample: int
@@ -112,6 +113,8 @@ class Stretch:
         Where it comes from.
     frames : sequence of OdpFrame
         Of the event's channel, without a gap; their samples are the ones that are kept.
+    verdicts : sequence of Verdict
+        What was said of these frames.
     blocks : sequence of Block
         In the order of time, all those that hold samples of the frames.
     truncated : bool
@@ -121,6 +124,7 @@ class Stretch:
     event: Event
     origin: Origin
     frames: Sequence[OdpFrame]
+    verdicts: Sequence[Verdict]
     blocks: Sequence[Block]
     truncated: bool
 
@@ -180,10 +184,13 @@ def write(folder: Path, name: str, stretch: Stretch, utc: str) -> None:
     with OdpTable(table, modes=origin.modes, sample_rate_hz=origin.sample_rate_hz, machine=origin.machine) as odps:
         for frame in stretch.frames:
             odps.append(frame)
+    verdicts = folder / f"{name}.jsonl"
+    verdicts.write_bytes(b"".join(encode(verdict) + b"\n" for verdict in stretch.verdicts))
     recorded = RecordedEvent(
         **msgspec.structs.asdict(msgspec.structs.replace(stretch.event, id=name, recording=f"{name}{suffix}")),
         schema=SCHEMA,
         odp=table.name,
+        verdicts=verdicts.name,
         machine=origin.machine,
         utc=utc,
         first_sample=stretch.first_sample,
@@ -215,6 +222,22 @@ def read(path: Path) -> RecordedEvent:
     if recorded.schema != SCHEMA:
         raise InputError("the event was written by another version", got=recorded.schema, allowed=SCHEMA)
     return recorded
+
+
+def read_verdicts(path: Path) -> list[Verdict]:
+    """Read the verdicts that were given while an event was recorded; their times are on the monitor's clock.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds anything else.
+    """
+    try:
+        return msgspec.json.Decoder(Verdict).decode_lines(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"the verdicts of the event cannot be read: {error.strerror}", got=str(path)) from error
+    except msgspec.DecodeError as error:
+        raise InputError(f"these are not the verdicts of an event: {error}", got=str(path)) from error
 
 
 def recorded_event(recording: Path) -> RecordedEvent | None:

@@ -6,7 +6,7 @@ DIRECTORY/
   .part-<id>/           being written, or left behind by a crash
   .removed-<id>/        being removed
   <id>/                 a recorded event, complete
-    <id>.flac or .wav, <id>.parquet, <id>.json
+    <id>.flac or .wav, <id>.parquet, <id>.jsonl, <id>.json
     protected           only if the quota and purging must leave it alone
 ```
 

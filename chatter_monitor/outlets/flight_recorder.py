@@ -18,7 +18,7 @@ from chatter_monitor.errors import ChatterMonitorError
 from chatter_monitor.outlets.event_files import Origin, Stretch, write
 from chatter_monitor.outlets.event_store import EventWriter
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Announcement, Block, Event, Health, Mismatch, Odp, OdpFrame
+from chatter_monitor.records import Announcement, Block, Event, Health, Mismatch, Odp, OdpFrame, Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S
 
@@ -60,7 +60,7 @@ class _Take:
     ----------
     origin : Origin
         Where it comes from, with the spindle speed at the onset.
-    frames : list of OdpFrame
+    frames, verdicts : list of OdpFrame, of Verdict
         So far.
     limit : int
         Sample at which it ends at the latest.
@@ -76,6 +76,7 @@ class _Take:
 
     origin: Origin
     frames: list[OdpFrame]
+    verdicts: list[Verdict]
     limit: int
     end: int
     event: Event | None = None
@@ -89,8 +90,8 @@ class _Channel:
 
     Attributes
     ----------
-    history : deque of OdpFrame
-        The frames before the current one, as many as are kept from before an onset.
+    history, said : deque of OdpFrame, of Verdict
+        The frames before the current one, as many as are kept from before an onset, and the verdicts on them.
     frame : OdpFrame or None
         The current one.
     alarmed : bool
@@ -100,13 +101,14 @@ class _Channel:
     """
 
     history: deque[OdpFrame]
+    said: deque[Verdict]
     frame: OdpFrame | None = None
     alarmed: bool = False
     takes: list[_Take] = field(default_factory=list)
 
 
 class FlightRecorder(Outlet):
-    """Keeps the samples of all channels and the ODPs of one around each event of that channel.
+    """Keeps the samples of all channels and the ODPs and verdicts of one around each event of that channel.
 
     Every event has a recording of its own. Where events of several channels overlap, so do their recordings: the
     samples are in each of them, the ODPs, which take most of the room, are not.
@@ -163,7 +165,9 @@ class FlightRecorder(Outlet):
         self._post = round(settings.post_s * origin.sample_rate_hz)
         self._max = round(settings.max_s * origin.sample_rate_hz)
         frames_before = math.ceil(round(settings.pre_s / INTERVAL_S, 6))
-        self._channels = [_Channel(deque(maxlen=frames_before)) for _ in range(origin.channels)]
+        self._channels = [
+            _Channel(deque(maxlen=frames_before), deque(maxlen=frames_before)) for _ in range(origin.channels)
+        ]
         self._blocks: deque[Block] = deque()
         self._trouble: str | None = None
         self._queue: queue.Queue[Stretch | None] = queue.Queue(WAITING)
@@ -196,11 +200,8 @@ class FlightRecorder(Outlet):
         channel = self._channels[message.channel]
         if isinstance(message, Event):
             self._end(channel, message)
-        elif message.state == "self_excited":
-            if not channel.alarmed and channel.frame is not None:
-                self._begin(channel, channel.frame)
-        elif message.state != "unknown":  # which neither goes on nor ends, as in verdict.judge.EventLog
-            channel.alarmed = False
+        else:
+            self._hear(channel, message)
         self._hand_over(channel)
 
     def spindle(self, spindle: SpindleSettings) -> None:
@@ -234,11 +235,22 @@ class FlightRecorder(Outlet):
             except queue.Full:
                 pass  # the disk hangs; what it has not taken by now is lost, and what it has taken is whole
 
-    def _begin(self, channel: _Channel, frame: OdpFrame) -> None:
+    def _hear(self, channel: _Channel, verdict: Verdict) -> None:
+        for take in channel.takes:
+            take.verdicts.append(verdict)
+        if verdict.state == "self_excited":
+            if not channel.alarmed and channel.frame is not None:
+                self._begin(channel, channel.frame, verdict)
+        elif verdict.state != "unknown":  # which neither goes on nor ends, as in verdict.event_log
+            channel.alarmed = False
+        channel.said.append(verdict)
+
+    def _begin(self, channel: _Channel, frame: OdpFrame, verdict: Verdict) -> None:
         limit = frame.first_sample + self._max
         # One whose alarm ended without an event has nothing to tell.
         channel.takes = [take for take in channel.takes if take.event is not None]
-        channel.takes.append(_Take(self._origin, [*channel.history, frame], limit, end=limit))
+        frames, verdicts = [*channel.history, frame], [*channel.said, verdict]
+        channel.takes.append(_Take(self._origin, frames, verdicts, limit, end=limit))
         channel.alarmed = True
 
     def _end(self, channel: _Channel, event: Event) -> None:
@@ -259,7 +271,8 @@ class FlightRecorder(Outlet):
             if take.blocks is not None and take.event is not None:
                 channel.takes.remove(take)
                 frames = [frame for frame in take.frames if frame.first_sample < take.end]
-                self._submit(Stretch(take.event, take.origin, frames, take.blocks, take.truncated))
+                verdicts = [verdict for verdict in take.verdicts if verdict.sample0 < take.end]
+                self._submit(Stretch(take.event, take.origin, frames, verdicts, take.blocks, take.truncated))
 
     def _submit(self, stretch: Stretch) -> None:
         try:

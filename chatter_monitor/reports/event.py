@@ -23,9 +23,7 @@ RANGE_DB = 70.0
 DAMPING_SHOWN_PERCENT = (-2.0, 8.0)
 
 
-def event_page(
-    recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: NDArray[np.float64], rate_hz: float
-) -> str:
+def event_page(recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: NDArray[np.float64]) -> str:
     """HTML page of a recorded event.
 
     Parameters
@@ -33,16 +31,13 @@ def event_page(
     recorded : RecordedEvent
         What is known of it.
     verdicts : sequence of Verdict
-        Of its channel, from replaying the recording; times count from the recording's first sample.
+        That were given while it was recorded, on its channel.
     samples : ndarray of float64, shape (n,)
         Signal of its channel; NaN where samples are missing.
-    rate_hz : float
-        Rate of the samples.
     """
-    before_s = recorded.onset_s - recorded.first_sample / recorded.sample_rate_hz
     lasted_s = recorded.end_s - recorded.onset_s
     alarms = [v for v in verdicts if v.state == "self_excited"]
-    sure = float(np.median([v.confidence for v in alarms])) if alarms else None
+    sure = np.median([v.confidence for v in alarms])
     told = (
         f"on {recorded.machine}, channel {recorded.channel}: for {lasted_s:.1f} s the cut fed a vibration at "
         f"{recorded.peak_frequency_hz:.0f} Hz. {_remedy(recorded)}"
@@ -53,10 +48,9 @@ def event_page(
         ("lasted", f"{lasted_s:.2f} s"),
         ("frequency", f"{recorded.peak_frequency_hz:.0f} Hz"),
         ("least damping", f"{100 * recorded.min_damping_ratio:.2f} %"),
-        ("sure", "-" if sure is None else f"{100 * sure:.0f} %"),
+        ("sure", f"{100 * sure:.0f} %"),
         ("spindle", "unknown" if speed_rpm is None else f"{speed_rpm:.0f} rpm"),
     ]
-    reasons = alarms[0].reasons if alarms else ["Replaying the recording alone does not repeat the alarm."]
     parts = [
         f"<h1>Chatter at {recorded.peak_frequency_hz:.0f} Hz</h1>",
         f'<p class="soft">{text(recorded.machine)}, {text(recorded.onset_utc[:19].replace("T", " "))} UTC, '
@@ -64,15 +58,14 @@ def event_page(
         answer("Chatter", told, STATES["self_excited"].colour),
         numbers(named),
         picture(
-            _figure(verdicts, samples, rate_hz, before_s, recorded.peak_frequency_hz),
-            "Verdict, signal, spectrogram and damping ratio with its 95 % interval; the vertical line is the onset. The"
-            " verdict is that of a replay of this recording, which does not know what was heard before it began: until"
-            " the onset it may differ from what was said then.",
+            _figure(recorded, verdicts, samples),
+            "Verdict as it was given, signal, spectrogram and damping ratio with its 95 % interval; the vertical line"
+            " is the onset.",
         ),
         "<h2>What to change</h2>",
         _changes(recorded),
         "<h2>Why it is called chatter</h2>",
-        "<ul>" + "".join(f"<li>{text(reason)}</li>" for reason in reasons) + "</ul>",
+        "<ul>" + "".join(f"<li>{text(reason)}</li>" for reason in alarms[0].reasons) + "</ul>",
         "<h2>The recording</h2>",
         _about(recorded),
     ]
@@ -125,31 +118,32 @@ def _about(recorded: RecordedEvent) -> str:
     return facts(rows) + "".join(f"<p>{text(remark)}</p>" for remark in remarks)
 
 
-def _figure(
-    verdicts: Sequence[Verdict], samples: NDArray[np.float64], rate_hz: float, onset_s: float, chatter_hz: float
-) -> Figure:
+def _figure(recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: NDArray[np.float64]) -> Figure:
     from matplotlib.figure import Figure
+
+    rate_hz, onset_s = recorded.sample_rate_hz, recorded.onset_s
+    before_s = onset_s - recorded.first_sample / rate_hz  # the first sample is so long before the onset
 
     figure = Figure(figsize=(6.6, 7.4), layout="constrained")
     axes = figure.subplots(4, 1, sharex=True, height_ratios=[0.35, 1.6, 2.2, 2.2])
-    _draw_lane(axes[0], verdicts, -onset_s)
-    _draw_signal(axes[1], samples, rate_hz, onset_s)
-    _draw_spectrogram(axes[2], samples, rate_hz, onset_s, chatter_hz)
+    _draw_lane(axes[0], verdicts, onset_s)
+    _draw_signal(axes[1], samples, rate_hz, before_s)
+    _draw_spectrogram(axes[2], samples, rate_hz, before_s, recorded.peak_frequency_hz)
     _draw_damping(axes[3], verdicts, onset_s)
     for each in axes[1:]:
         each.axvline(0.0, color=hex_colour(STATES["self_excited"].colour), lw=1.0)
-    axes[3].set(xlabel="time after the onset / s", xlim=(-onset_s, samples.size / rate_hz - onset_s))
+    axes[3].set(xlabel="time after the onset / s", xlim=(-before_s, samples.size / rate_hz - before_s))
     return figure
 
 
-def _draw_lane(axes: Axes, verdicts: Sequence[Verdict], shift_s: float) -> None:
+def _draw_lane(axes: Axes, verdicts: Sequence[Verdict], onset_s: float) -> None:
     """The verdicts as a coloured lane with a legend of what occurs."""
     from matplotlib.patches import Patch
 
     begin = 0
     for end in range(1, len(verdicts) + 1):
         if end == len(verdicts) or verdicts[end].state != verdicts[begin].state:
-            span = (verdicts[begin].t0 + shift_s, verdicts[end - 1].t1 - verdicts[begin].t0)
+            span = (verdicts[begin].t0 - onset_s, verdicts[end - 1].t1 - verdicts[begin].t0)
             axes.broken_barh([span], (0.0, 1.0), color=hex_colour(STATES[verdicts[begin].state].colour))
             begin = end
     occurring = [state for state in STATES if any(v.state == state for v in verdicts)]
@@ -167,16 +161,16 @@ def _draw_lane(axes: Axes, verdicts: Sequence[Verdict], shift_s: float) -> None:
     axes.spines[:].set_visible(False)
 
 
-def _draw_signal(axes: Axes, samples: NDArray[np.float64], rate_hz: float, onset_s: float) -> None:
+def _draw_signal(axes: Axes, samples: NDArray[np.float64], rate_hz: float, before_s: float) -> None:
     part = max(1, samples.size // 2000)
     whole = samples[: samples.size // part * part].reshape(-1, part)
-    t = (np.arange(len(whole)) + 0.5) * part / rate_hz - onset_s
+    t = (np.arange(len(whole)) + 0.5) * part / rate_hz - before_s
     axes.fill_between(t, whole.min(axis=1), whole.max(axis=1), color="#4a6fa5", lw=0.3)
     axes.set(ylabel="signal / unit")
 
 
 def _draw_spectrogram(
-    axes: Axes, samples: NDArray[np.float64], rate_hz: float, onset_s: float, chatter_hz: float
+    axes: Axes, samples: NDArray[np.float64], rate_hz: float, before_s: float, chatter_hz: float
 ) -> None:
     points = round(SPECTRUM_S * rate_hz)
     hop = max(points // 2, samples.size // 800)
@@ -187,7 +181,7 @@ def _draw_spectrogram(
     level = 20.0 * np.log10(np.abs(np.fft.rfft(pieces * window, axis=1)) * np.sqrt(2.0) / window.sum() + 1e-9)
     top_hz = min(rate_hz / 2.0, max(2000.0, 3.0 * chatter_hz))
     level = level[:, : int(top_hz * SPECTRUM_S) + 1].T
-    extent = (-onset_s, len(pieces) * hop / rate_hz - onset_s, 0.0, top_hz)
+    extent = (-before_s, len(pieces) * hop / rate_hz - before_s, 0.0, top_hz)
     axes.imshow(
         level,
         origin="lower",

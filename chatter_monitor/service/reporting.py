@@ -10,42 +10,20 @@ import numpy as np
 
 from chatter_monitor.acquisition.recording import Recording
 from chatter_monitor.acquisition.source import Source
-from chatter_monitor.config import load
 from chatter_monitor.errors import EnvironmentFault, InputError
-from chatter_monitor.outlets.event_files import read
+from chatter_monitor.outlets.event_files import read, read_verdicts
 from chatter_monitor.outlets.event_store import Entry, EventStore
-from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Announcement, Event, Flag, Health, Odp, OdpFrame, Verdict
+from chatter_monitor.records import Event, Flag, Health, Odp, Verdict
 from chatter_monitor.reports.event import event_page
 from chatter_monitor.reports.shift import Shift, shift_page
-from chatter_monitor.service.monitor import Monitor
 
 _DECODER = msgspec.json.Decoder(Verdict | Event | Health | Odp)
 # Lines that a shift is made of; most others, the ODPs, need not be parsed.
 _WANTED = (b'{"type":"verdict"', b'{"type":"event"')
 
 
-class _Verdicts(Outlet):
-    """Keeps the verdicts of one channel."""
-
-    def __init__(self, channel: int) -> None:
-        self._channel = channel
-        self.verdicts: list[Verdict] = []
-
-    def frame(self, frame: OdpFrame, odp: Odp) -> None:
-        """Nothing: the verdicts have what is shown."""
-
-    def message(self, message: Announcement) -> None:
-        """Keep a verdict."""
-        if isinstance(message, Verdict) and message.channel == self._channel:
-            self.verdicts.append(message)
-
-    def close(self) -> None:
-        """Nothing to give back."""
-
-
 def report_event(entry: Entry, out: Path) -> None:
-    """Replay a recorded event with its own settings and write its report.
+    """Write the report of a recorded event: what was said of it, and what there was to hear.
 
     Raises
     ------
@@ -55,24 +33,11 @@ def report_event(entry: Entry, out: Path) -> None:
         If the report cannot be written.
     """
     recorded = read(entry.json)
-    settings = load([entry.json])
+    verdicts = read_verdicts(entry.path / recorded.verdicts)
     file = entry.path / str(recorded.recording)
-    kept = _Verdicts(recorded.channel)
-    with Recording(file, full_scale_per_unit=settings.input.full_scale_per_unit) as recording:
-        monitor = Monitor(
-            settings,
-            recording,
-            [kept],
-            counts=recording,
-            source_rate_hz=recorded.source_rate_hz,
-            session=recorded.id,
-            clock=lambda: 0.0,
-        )
-        for _ in monitor.run():
-            pass
-    with Recording(file, full_scale_per_unit=settings.input.full_scale_per_unit) as recording:
+    with Recording(file, full_scale_per_unit=recorded.full_scale_per_unit) as recording:
         samples = _samples(recording, recorded.channel)
-    _write(out, event_page(recorded, kept.verdicts, samples, recorded.sample_rate_hz))
+    _write(out, event_page(recorded, verdicts, samples))
 
 
 def report_shift(source: Path, out: Path) -> Shift:

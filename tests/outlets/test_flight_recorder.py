@@ -12,7 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 import soundfile
 
-from chatter_monitor.outlets.event_files import read, write
+from chatter_monitor.errors import InputError
+from chatter_monitor.outlets.event_files import read, read_verdicts, write
 from chatter_monitor.outlets.event_store import EventStore, EventWriter
 from chatter_monitor.outlets.flight_recorder import WAITING, FlightRecorder, RecorderSettings
 from chatter_monitor.outlets.odp_table import MODE_COLUMNS
@@ -29,6 +30,7 @@ from tests.outlets.recorder_feed import (
     frame,
     origin,
     signal,
+    verdict,
 )
 
 # 4 intervals before, 2 after, 20 at most
@@ -110,6 +112,27 @@ def test_odps_are_the_frames(record, directory):
         for name in MODE_COLUMNS:
             expected = np.concatenate([getattr(frame, name)[:, mode] for frame in frames])
             assert read_back[f"{name}_{mode}"].to_numpy().tobytes() == expected.tobytes()
+
+
+def test_verdicts_are_those_that_were_given(record, directory):
+    """One for each frame, in their order: what was said on the event's channel from before the onset on."""
+    with record(channels=2) as recorder:
+        feed(recorder, "-" * 25, "-------?--#?###------#---")
+    stable, alarm, deaf = ("stable", "self_excited", "unknown")
+    states = {6: stable, 7: deaf, 8: stable, 9: stable, 10: alarm, 11: deaf, 12: alarm, 13: alarm, 14: alarm}
+    said = [verdict(interval, states.get(interval, stable), channel=1) for interval in range(6, 17)]
+    file = directory / "cut-1-0001" / read(directory / "cut-1-0001" / "cut-1-0001.json").verdicts
+    assert read_verdicts(file) == said
+
+
+def test_verdicts_that_cannot_be_read(tmp_path):
+    """Another file in their place, or none, is an error that names it."""
+    file = tmp_path / "cut.jsonl"
+    with pytest.raises(InputError, match=r"cannot be read: No such file.*cut\.jsonl"):
+        read_verdicts(file)
+    file.write_text('{"type":"health"}\n')
+    with pytest.raises(InputError, match=r"not the verdicts of an event.*cut\.jsonl"):
+        read_verdicts(file)
 
 
 def test_the_signal_may_begin_and_end_with_an_event(record, kept):

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from chatter_monitor.outlets.event_files import read
+from chatter_monitor.outlets.event_files import read, read_verdicts
 from chatter_monitor.records import Event, Verdict
 from chatter_monitor.reports.event import event_page
 from chatter_monitor.reports.shift import MOST_BINS, Shift, shift_page
@@ -94,12 +94,23 @@ def test_the_event_report_answers_the_questions(event_report, entry):
     assert re.search(r"9\d % sure", event_report.text)
 
 
+def test_the_event_report_has_the_verdicts_that_were_given(replayed, entry):
+    """Those of the replay that recorded the event, word for word, the ones before the onset included."""
+    given = [json.loads(line) for line in (replayed / "bar.jsonl").read_text().splitlines()]
+    given = [msgspec.convert(line, Verdict) for line in given if line["type"] == "verdict"]
+    recorded = read(entry.json)
+    end = recorded.first_sample + recorded.samples
+    kept = read_verdicts(entry.path / recorded.verdicts)
+    assert kept == [v for v in given if recorded.first_sample <= v.sample0 < end]
+    assert kept[0].t1 < recorded.onset_s - 4.0
+
+
 def test_where_no_speed_can_be_advised(entry):
     """The answer is the advice that there is: without a known speed nobody claims that no other one is better."""
     nothing = "no speed can be advised: neither the spindle's speed nor its range is known"
     recorded = msgspec.structs.replace(read(entry.json), advice=[], remedy=nothing)
-    rate_hz = recorded.sample_rate_hz
-    seen = Seen(event_page(recorded, [verdict(0.0)], np.ones(round(rate_hz)), rate_hz))
+    alarm = verdict(recorded.onset_s, "self_excited")
+    seen = Seen(event_page(recorded, [alarm], np.ones(round(recorded.sample_rate_hz))))
     [told] = re.findall(r"Hz\. (No .*?\.)", seen.text)
     assert told == f"N{nothing[1:]}."
 
