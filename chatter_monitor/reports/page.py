@@ -23,7 +23,7 @@ h1{font-size:1.6rem;line-height:1.2;margin:0 0 .3rem}h2{font-size:1.15rem;margin
 p{margin:.4rem 0}.soft{color:var(--soft)}
 .answer{border-left:.45rem solid var(--accent,#888);background:var(--ground);padding:.8rem 1rem;margin:1rem 0;
 font-size:1.1rem}
-.numbers{display:grid;grid-template-columns:repeat(auto-fit,minmax(9rem,1fr));gap:.6rem;margin:1rem 0}
+.numbers{display:grid;grid-template-columns:repeat(auto-fit,minmax(8rem,1fr));gap:.6rem;margin:1rem 0}
 .numbers div{border:1px solid var(--line);border-radius:.4rem;padding:.5rem .7rem}
 .numbers b{display:block;font-size:1.35rem;line-height:1.25}.numbers span{color:var(--soft);font-size:.85rem}
 figure{margin:1rem 0}figure img{width:100%;height:auto;display:block}
