@@ -112,6 +112,10 @@ def _fullest(case: Case) -> tuple[Scored, Augmented, list[Omission]] | None:
     machine = [omission for omission in base.omissions if omission.name in MECHANICAL]
     price = PRICE_NATS * sum(len(omission.parameters) for omission in machine)
     starts = [Start((_applied(case, scored),), _retuned(inn.linear, scored), inn.terms, price) for scored in rivals]
+    for scored, start in list(zip(rivals, starts, strict=True)):
+        if (without := _without_width(start.found[0])) is not None:
+            rivals.append(scored)
+            starts.append(replace(start, found=(without,)))
     with_machine = len(rivals)
     if machine:
         alone = [scored for scored in rivals if not scored.candidate.term.chip_thickness]
@@ -155,6 +159,14 @@ def _applied(case: Case, scored: Scored) -> AppliedTerm:
     if scored.candidate.term.chip_thickness:  # the delay that the base was found to have is the same force
         coefficients = [case.base.linear.regeneration]
     return AppliedTerm(scored.candidate.term, scored.candidate.with_coefficients(coefficients))
+
+
+def _without_width(applied: AppliedTerm) -> AppliedTerm | None:
+    """The term without a shape that it may go without, as friction may without a width; None if there is none."""
+    spare = {p.name: 0.0 for p in applied.term.parameters if not p.linear and p.default == 0.0}
+    if all(applied.parameters.get(name, 0.0) == 0.0 for name in spare):
+        return None
+    return AppliedTerm(applied.term, {**applied.parameters, **spare})
 
 
 def _left(case: Case, augmented: Augmented) -> Unnamed:

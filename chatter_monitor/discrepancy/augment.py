@@ -36,6 +36,7 @@ _DAMPINGS = (0.0, 0.1, 1.0, 10.0, 100.0)  # of a step (Levenberg and Marquardt),
 _HOPE = 3.0  # times what the next step promises: as much a model may still gain
 _LARGEST_STEP = 0.5  # relative, of a shape
 _DERIVATIVE_STEP = 0.02
+_DAMPING_KNOWN = 0.3  # of the logarithm: what the model file says of the damping, with the tails of Cauchy's law
 _NOISE_STEP, _LARGEST_NOISE_STEP = 0.1, 3.0  # of the logarithm of the noise
 _AS_GIVEN = ("cutting_speed_m_s",)  # parameters that are not fitted
 # Of a velocity over which friction fades, over that of the tool: that of the narrowest candidate. What the observer
@@ -155,9 +156,24 @@ class _Climb:
 
     @property
     def cost(self) -> float:
-        """What is left to explain, and the price of the parameters."""
-        terms = sum(knob.term is not None for knob in self.model.knobs)
-        return self.here.loss + self.price_nats + PRICE_NATS * terms if self.here else math.inf
+        """What is left to explain, the price of the parameters, and how far the damping is from what is known of it."""
+        if self.here is None:
+            return math.inf
+        ratio = self.model.linear.modes[0].damping_ratio / self.case.system.modes[0].damping_ratio
+        surprise = math.log1p((math.log(ratio) / _DAMPING_KNOWN) ** 2)
+        return self.here.loss + self.price_nats + self._price(self.here.sd) + surprise
+
+    def _price(self, sd: Vector) -> float:
+        """Of the parameters; a coefficient that explains less than its price beside another is as good as left out."""
+        model = self.model
+        spare = 0.0
+        for number in range(model.first, len(model.terms)):
+            linear = {p.name for p in model.terms[number].term.parameters if p.linear}
+            sds = [(k, own) for k, own in zip(model.knobs, sd, strict=False) if k.term == number]
+            explain = [0.5 * (model.value(knob) / own) ** 2 for knob, own in sds if knob.name in linear]
+            if len(explain) > 1:
+                spare += max(PRICE_NATS - min(explain), 0.0)
+        return PRICE_NATS * sum(knob.term is not None for knob in model.knobs) - spare
 
     @property
     def hope(self) -> float:
