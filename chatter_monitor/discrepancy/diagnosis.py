@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -292,6 +293,10 @@ def _recurring(case: Case, evidence: Evidence) -> list[Statistic]:
     inn, columns, swing = case.innovations, case.columns["angle"], case.swing
     lag, _, _ = lag_map(case.explained(), inn.used, inn.recorded.rate_hz)
     angle = subspace_map("angle", evidence, columns)
-    if swing is not None and (swing.p_value < angle.p_value or not columns):
-        angle = Statistic("angle", swing.frequency_hz, min(1.0, 2.0 * swing.p_value))
+    if swing is not None and not columns:
+        angle = Statistic("angle", swing.frequency_hz, swing.p_value)
+    elif swing is not None:  # the smaller of two that know nothing of each other
+        likeliest = min(swing.p_value, angle.p_value)
+        value = swing.frequency_hz if swing.p_value < angle.p_value else angle.value
+        angle = Statistic("angle", value, -math.expm1(2.0 * math.log1p(-min(likeliest, 1.0 - 1e-12))))
     return [lag, angle]

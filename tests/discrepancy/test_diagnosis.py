@@ -10,6 +10,7 @@ import pytest
 from chatter_monitor.discrepancy.conclude import Diagnosis, conclude
 from chatter_monitor.discrepancy.diagnosis import examine, in_band, recorded_from
 from chatter_monitor.discrepancy.linear import fit_base
+from chatter_monitor.discrepancy.name import subspace_p
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.prove.blind.case import make_case
 from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE, FAULTS
@@ -140,6 +141,19 @@ def test_a_stiffness_that_remembers_is_no_spring_of_the_catalogue():
     assert report.verdict == "unknown", report.summary
 
 
+@pytest.mark.parametrize("spindle", [None, Spindle(3000.0)])
+def test_a_stiffness_that_swings_is_tested_once_or_twice(spindle):
+    """Without a spindle there is one test, whose p-value it is; with one it is the smaller of two."""
+    model = MachiningSystem((Mode(220.0, 0.02),), spindle=spindle)
+    case = examine(recorded_from(record(Machine(**SHORT), 133), 12800.0), model)
+    p = next(each.p_value for each in case.maps if each.name == "angle")
+    if spindle is None:
+        assert p == case.swing.p_value
+    else:
+        _, angles, _ = subspace_p(case.evidence, case.columns["angle"])
+        assert p == pytest.approx(1.0 - (1.0 - min(case.swing.p_value, angles)) ** 2)
+
+
 def test_an_effect_in_a_part_of_the_recording_is_located_there():
     """A clearance that opens for 3 of 10 s is named, found where it is, and is no second mode."""
     begin, end = 4.3, 7.3
@@ -218,6 +232,25 @@ def test_a_stiction_narrower_than_what_is_known_of_the_velocity_is_no_name(tmp_p
     (tmp_path / "model.toml").write_text(made.model, encoding="utf-8")
     report = conclude(examine(recorded_from(made.samples, 12800.0), read_model(tmp_path / "model.toml"))).report
     assert [term.name for term in report.terms] == ["coulomb_friction"], report.summary
+
+
+@pytest.mark.parametrize(("kind", "number"), [("cutting force -v³", 246), ("stribeck", 44)])
+def test_damping_takes_no_part_of_a_force_for_its_own(kind, number, tmp_path):
+    """Laws of the proof's generator that drag and dry friction explain as well, with a machine of half the damping."""
+    effect = next(effect for effect in CATALOGUE if effect.kind == kind)
+    made = make_case(effect, 104729, number)
+    (tmp_path / "model.toml").write_text(made.model, encoding="utf-8")
+    report = conclude(examine(recorded_from(made.samples, 12800.0), read_model(tmp_path / "model.toml"))).report
+    assert [term.name for term in report.terms] == list(effect.names), report.summary
+
+
+def test_friction_may_go_without_a_width(tmp_path):
+    """A width that the regression chose is no part of dry friction whose sign changes at once."""
+    made = make_case(next(effect for effect in CATALOGUE if effect.kind == "coulomb"), 104729, 271)
+    (tmp_path / "model.toml").write_text(made.model, encoding="utf-8")
+    report = conclude(examine(recorded_from(made.samples, 12800.0), read_model(tmp_path / "model.toml"))).report
+    assert [term.name for term in report.terms] == ["coulomb_friction"], report.summary
+    assert "width" not in report.terms[0].parameters
 
 
 def test_a_force_that_swells_is_no_friction(tmp_path):
