@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 
 from benchmarks.tracker_speed import compile_yardstick, signal, tracker, yardstick_nanoseconds
 from benchmarks.verdict.generator import cut
-from chatter_monitor.records import OdpFrame, Verdict
-from chatter_monitor.tracking.channel import Channel, Observation
+from chatter_monitor.records import Verdict
+from chatter_monitor.tracking.channel import Channel, Observation, lines_of
 from chatter_monitor.tracking.margin import MarginSettings, MarginTracker
 from chatter_monitor.tracking.orders import Orders, OrderSettings, OrderTracker
-from chatter_monitor.tracking.spectrum import Line, Spectrum
+from chatter_monitor.tracking.spectrum import Spectrum
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S, Tracker, TrackerSettings
 from chatter_monitor.verdict.evidence import weigh
@@ -108,11 +108,7 @@ def by_stage(watch: Stopwatch, samples: Samples, spindle: SpindleSettings) -> li
     tracking = Tracker(TrackerSettings())
     frames = watch.time("recursions", lambda: [frame for block in rest for frame in tracking.process(*block)])
     spectrum = Spectrum(RATE_HZ, round(INTERVAL_S * RATE_HZ))
-
-    def lines_of(frame: OdpFrame, seen: Orders) -> tuple[tuple[Line, ...], bool]:
-        return tuple(spectrum.take(frame.signal, alike=not seen.returned, turns=seen.heard)), spectrum.cutting
-
-    lines = watch.time("lines", lambda: [lines_of(f, o) for f, o in zip(frames, turned, strict=True)])
+    lines = watch.time("lines", lambda: [lines_of(spectrum, f, o) for f, o in zip(frames, turned, strict=True)])
     margins = MarginTracker(MarginSettings(), RATE_HZ, spindle.teeth)
     known = spindle.speed_rpm is not None
 
@@ -121,8 +117,8 @@ def by_stage(watch: Stopwatch, samples: Samples, spindle: SpindleSettings) -> li
 
     found = watch.time("margin", lambda: [margin_of(f.signal, o) for f, o in zip(frames, turned, strict=True)])
     seen = [
-        Observation(frame, order, line, cutting, margin[-1])  # type: ignore[arg-type]
-        for frame, order, (line, cutting), margin in zip(frames, turned, lines, found, strict=True)
+        Observation(frame, order, line, cutting, margin[-1], entering)  # type: ignore[arg-type]
+        for frame, order, (line, cutting, entering), margin in zip(frames, turned, lines, found, strict=True)
     ]
     return watch.time("verdict", lambda: judge(seen, spindle))
 

@@ -125,15 +125,10 @@ class Channel:
         # One stage after the other over all frames of a block, so that each finds its code and data in the cache.
         odps = list(frames)
         orders = [self._waiting.popleft() for _ in odps]
-        lines = [self._lines_of(odp, turned) for odp, turned in zip(odps, orders, strict=True)]
+        lines = [lines_of(self._spectrum, odp, turned) for odp, turned in zip(odps, orders, strict=True)]
         margins = [self._margin_of(odp, turned) for odp, turned in zip(odps, orders, strict=True)]
         for odp, turned, (found, cutting, entering), margin in zip(odps, orders, lines, margins, strict=True):
             yield Observation(odp, turned, found, cutting, margin, entering)
-
-    def _lines_of(self, frame: OdpFrame, orders: Orders) -> tuple[tuple[Line, ...], bool, bool]:
-        """Lines of a frame, and whether the tool is in the cut or enters it."""
-        found = self._spectrum.take(frame.signal, alike=not orders.returned, turns=orders.heard, fainter=orders.fainter)
-        return tuple(found), self._spectrum.cutting, self._spectrum.entering
 
     def _margin_of(self, frame: OdpFrame, orders: Orders) -> Margin:
         """Margin at the end of a frame; the delay is known only with the spindle, not with any comb."""
@@ -142,3 +137,9 @@ class Channel:
         for margin in self._margin.process(frame.signal, rotation_hz, orders.rotation_sd_hz if known else None):
             self._last_margin = margin
         return self._last_margin
+
+
+def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[tuple[Line, ...], bool, bool]:
+    """Lines of a frame, and whether the tool is in the cut or enters it."""
+    found = spectrum.take(frame.signal, alike=not orders.returned, turns=orders.heard, fainter=orders.fainter)
+    return tuple(found), spectrum.cutting, spectrum.entering
