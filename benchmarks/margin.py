@@ -225,6 +225,8 @@ def row(name: str, results: list[Result]) -> str:
     errors = np.array([100 * result.ratio_error for result in results])
     damping = np.array([result.damping_error for result in results])
     heard = [result for result in results if result.heard.ratio is not None]
+    if not heard:
+        return f"{name:22} {len(results):5d}  nothing was heard in any"
     held = [
         (
             h.heard.ratio_ci95[0] <= h.ratio <= h.heard.ratio_ci95[1],
@@ -301,6 +303,8 @@ def main() -> None:
     print(f"\nno regeneration at all, {len(nulls)} cuts: visible in {visible:.3f} of them")
     print(f"cost: {cost()}", flush=True)
     few = seeds[: arguments.harder]
+    if not few:
+        return
     print(f"\nharder circumstances, the first {len(few)} seeds\n{HEADER}")
     print(row("none", results[: len(few)]), flush=True)
     for name, circumstances in CIRCUMSTANCES.items():
