@@ -21,11 +21,11 @@ from chatter_monitor.discrepancy.conclude import conclude
 from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
 from chatter_monitor.discrepancy.innovations import known_forces
 from chatter_monitor.discrepancy.observer import Linear, observer, sized
-from chatter_monitor.discrepancy.show import concluded
 from chatter_monitor.kernels.observer import AFTER, BEFORE, SMOOTH, SUBSTEPS, Motion, observe
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Mode, Sensor, Spindle
 from chatter_monitor.physics.terms import CATALOGUE
+from chatter_monitor.reports.diagnosis.alone import concluded
 from tests.discrepancy.machine import Machine, record
 
 SEED = 3000

@@ -105,11 +105,13 @@ def picture(figure: Figure, description: str) -> str:
     """Figure inside the page, with what is to be seen on it for those who cannot see it."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
-    data = base64.b64encode(buffer.getvalue()).decode()
-    return (
-        f'<figure><img alt="{text(description)}" src="data:image/svg+xml;base64,{data}">'
-        f"<figcaption>{text(description)}</figcaption></figure>"
-    )
+    drawn = embedded(buffer.getvalue(), "svg+xml", description)
+    return f"<figure>{drawn}<figcaption>{text(description)}</figcaption></figure>"
+
+
+def embedded(data: bytes, kind: str, description: str) -> str:
+    """Image file of a kind (``png``) inside the page."""
+    return f'<img alt="{text(description)}" src="data:image/{kind};base64,{base64.b64encode(data).decode()}">'
 
 
 def hex_colour(colour: Colour) -> str:

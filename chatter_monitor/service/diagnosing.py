@@ -20,10 +20,6 @@ from chatter_monitor.discrepancy.driven import examine_driven
 from chatter_monitor.discrepancy.oracle import gain_of
 from chatter_monitor.discrepancy.report import Report
 from chatter_monitor.discrepancy.shared import with_process_damping
-from chatter_monitor.discrepancy.show import concluded, page
-from chatter_monitor.discrepancy.show_chatter import page_chatter
-from chatter_monitor.discrepancy.show_driven import page_driven
-from chatter_monitor.discrepancy.show_together import page_together
 from chatter_monitor.discrepancy.together import diagnose_together
 from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.physics.model import MachiningSystem
@@ -31,6 +27,10 @@ from chatter_monitor.physics.model_file import model_text, read_model
 from chatter_monitor.physics.parts import AppliedTerm, Mode
 from chatter_monitor.physics.terms import CATALOGUE
 from chatter_monitor.records import Flag
+from chatter_monitor.reports.diagnosis.alone import concluded, page
+from chatter_monitor.reports.diagnosis.chatter import page_chatter
+from chatter_monitor.reports.diagnosis.driven import page_driven
+from chatter_monitor.reports.diagnosis.together import page_together
 
 
 def diagnose_file(

@@ -14,10 +14,10 @@ from chatter_monitor.discrepancy.name import subspace_p
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.prove.blind.case import make_case
 from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE, FAULTS
-from chatter_monitor.discrepancy.show import page
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.model_file import read_model
 from chatter_monitor.physics.parts import Mode, Sensor, Spindle
+from chatter_monitor.reports.diagnosis.alone import page
 from tests.discrepancy.machine import Machine, coefficient, record
 
 

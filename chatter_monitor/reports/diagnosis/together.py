@@ -2,44 +2,42 @@
 
 from __future__ import annotations
 
-import html
-
 import numpy as np
 
 from chatter_monitor.discrepancy.shared import inverse_speed
-from chatter_monitor.discrepancy.show import AUGMENTED, RECORDED, document, encoded, figure_of
 from chatter_monitor.discrepancy.together import Together
+from chatter_monitor.reports.diagnoses import WORDS
+from chatter_monitor.reports.diagnosis.document import document
+from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, RECORDED, bitmap, figure_of
+from chatter_monitor.reports.page import Link, table
 
 _PER_ROW = 3
 
 
 def page_together(together: Together, name: str) -> str:
     """HTML page with everything inside; the reports of the recordings are linked."""
-    pictures = [("Damping over the speed", _damping(together)), ("The recordings", _spectra(together))]
-    return document(together.report, name, pictures, _table(together))
+    pictures = [_damping(together), _spectra(together)]
+    return document(together.report, name, pictures, f"<h2>The recordings</h2>{_table(together)}")
 
 
 def _table(together: Together) -> str:
     """The recordings, a row each."""
-    head = "".join(
-        f"<th>{cell}</th>"
-        for cell in ("recording", "spindle, rpm", "v_c, m/s", "alone", "Hz", "damping, %", "95 %", "shared, %")
-    )
+    head = ("recording", "spindle, rpm", "v_c, m/s", "alone", "Hz", "damping, %", "95 %", "shared, %")
     rows = []
     for each in together.report.recordings:
         low, high = (100 * end for end in each.damping_ratio.ci95)
         cells = (
-            f'<a href="{html.escape(each.report)}">{html.escape(each.recording)}</a>',
+            Link(each.recording, each.report),
             "" if each.speed_rpm is None else f"{each.speed_rpm:g}",
             "" if each.cutting_speed_m_s is None else f"{each.cutting_speed_m_s:g}",
-            each.verdict.replace("_", " "),
+            WORDS[each.verdict],
             f"{each.frequency_hz.value:.4g}",
             f"{100 * each.damping_ratio.value:.3g}",
             f"{low:.3g} to {high:.3g}",
             f"{100 * each.shared_damping_ratio:.3g}",
         )
-        rows.append("".join(f"<td>{cell}</td>" for cell in cells))
-    return f"<h2>The recordings</h2><table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in rows)}</table>"
+        rows.append(cells)
+    return table(head, rows)
 
 
 def _damping(together: Together) -> str:
@@ -78,7 +76,7 @@ def _damping(together: Together) -> str:
     right.axhspan(-1.96, 1.96, color="0.9", zorder=0)
     right.set(title="damping alone less shared, standard deviations")
     right.tick_params(axis="x", labelrotation=20, labelsize=8)
-    return encoded(figure)
+    return bitmap(figure, "Damping over the speed")
 
 
 def _spectra(together: Together) -> str:
@@ -99,4 +97,4 @@ def _spectra(together: Together) -> str:
     for axis in axes[count:]:
         axis.set_visible(False)
     axes[0].legend(fontsize="small")
-    return encoded(figure)
+    return bitmap(figure, "Spectra")

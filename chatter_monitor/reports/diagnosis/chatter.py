@@ -6,9 +6,10 @@ import numpy as np
 from scipy import signal as dsp
 
 from chatter_monitor.discrepancy.conclude_chatter import ChatterDiagnosis
-from chatter_monitor.discrepancy.show import AUGMENTED, RECORDED, document, encoded, figure_of
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.simulate import simulate
+from chatter_monitor.reports.diagnosis.document import document
+from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, RECORDED, bitmap, figure_of
 
 _SHOWN = 12  # periods
 _RUN_S = 6.0
@@ -17,7 +18,7 @@ SEED = 1
 
 def page_chatter(diagnosis: ChatterDiagnosis, name: str) -> str:
     """HTML page with everything inside."""
-    return document(diagnosis.report, name, [("Rise and limit", _picture(diagnosis))])
+    return document(diagnosis.report, name, [_picture(diagnosis)])
 
 
 def _picture(diagnosis: ChatterDiagnosis) -> str:
@@ -51,4 +52,4 @@ def _picture(diagnosis: ChatterDiagnosis) -> str:
         right.plot(1e3 * np.arange(part.size) / rate, part, color=color, lw=0.9, label=label)
     middle.set(xlabel="Hz", ylabel="dB", title="spectrum where it stays")
     right.set(xlabel="ms", title="some periods of it")
-    return encoded(figure)
+    return bitmap(figure, "Rise and limit")

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from chatter_monitor.discrepancy.show_energy import identified
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Mode, Sensor
 from chatter_monitor.physics.simulate import simulate
 from chatter_monitor.physics.terms import CATALOGUE
+from chatter_monitor.reports.diagnosis.by_energy import identified
 
 RATE_HZ = 4000.0
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from chatter_monitor.discrepancy.conclude_driven import DrivenDiagnosis
-from chatter_monitor.discrepancy.show import AUGMENTED, BASE, RECORDED, document, encoded, figure_of
+from chatter_monitor.reports.diagnosis.document import document
+from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, BASE, RECORDED, bitmap, figure_of
 
 SHOWN_S = 4.0
 _BINS = 40
@@ -13,7 +14,7 @@ _BINS = 40
 
 def page_driven(diagnosis: DrivenDiagnosis, name: str) -> str:
     """HTML page with everything inside."""
-    return document(diagnosis.report, name, [("Force balance", _picture(diagnosis))])
+    return document(diagnosis.report, name, [_picture(diagnosis)])
 
 
 def _picture(diagnosis: DrivenDiagnosis) -> str:
@@ -47,4 +48,4 @@ def _picture(diagnosis: DrivenDiagnosis) -> str:
             axes.plot(centre, mean, color=color, lw=1.2, label=name)
             axes.fill_between(centre, mean - spread, mean + spread, color=color, alpha=0.2, lw=0)
         axes.set(xlabel=label, title=f"left of the force over the {label}: mean and spread")
-    return encoded(figure)
+    return bitmap(figure, "Force balance")

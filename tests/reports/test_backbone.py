@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from chatter_monitor.discrepancy.show import backbone
+from chatter_monitor.reports.diagnosis.runs import backbone
 
 
 @pytest.mark.parametrize("hz_per_amplitude", [0.0, 4.0, -4.0])
