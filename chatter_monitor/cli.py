@@ -379,7 +379,7 @@ def diagnose(
 @DEBUG
 def prove(cases: int, seed: int, out: Path, jobs: int, so_far: bool, as_json: bool) -> None:
     """Hide physics in recordings, seal the key, diagnose them blindly, open the key, report."""
-    from chatter_monitor.discrepancy.prove.page import lines
+    from chatter_monitor.reports.proof import lines
     from chatter_monitor.service.diagnosing import diagnose_file, true_gain
     from chatter_monitor.service.proving import Proving
 

@@ -13,10 +13,10 @@ from chatter_monitor.discrepancy.prove.blind import laws
 from chatter_monitor.discrepancy.prove.blind.machine import Machine, move, with_strength
 from chatter_monitor.discrepancy.prove.blind.motion import Hidden
 from chatter_monitor.discrepancy.prove.key import open_key, seal
-from chatter_monitor.discrepancy.prove.page import lines, page
 from chatter_monitor.discrepancy.prove.scoring import count, information_nats, judge, overlap, strength_bin
 from chatter_monitor.discrepancy.report import Estimate, Finding, Located, Statistic
 from chatter_monitor.errors import InputError
+from chatter_monitor.reports.proof import lines, proof_page
 from chatter_monitor.service.proving import Proving
 from tests.proving_engine import fails, report, says_nothing
 
@@ -298,7 +298,7 @@ def test_the_page_holds_everything(proof):
         judge("0004", truth(parameters={"coefficient": 1.0}), hit),
         judge("0005", NOTHING, report()),
     ]
-    text = page(judged, count(judged), result.key_sha256, 13, len(judged))
+    text = proof_page(judged, count(judged), result.key_sha256, 13, len(judged))
     assert result.key_sha256 in text
     assert text.count("data:image/png;base64,") == 3
     assert "0.031 (0.035)" in text

@@ -22,10 +22,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from chatter_monitor.discrepancy.prove.blind.case import deal, make_case
 from chatter_monitor.discrepancy.prove.blind.chain import RATE_HZ
 from chatter_monitor.discrepancy.prove.key import Truths, open_key, seal
-from chatter_monitor.discrepancy.prove.page import page
 from chatter_monitor.discrepancy.prove.scoring import Judged, Score, count, judge
 from chatter_monitor.discrepancy.report import Report
 from chatter_monitor.errors import EnvironmentFault, InputError
+from chatter_monitor.reports.proof import proof_page
 
 Diagnose = Callable[[Path, Path, Path], object]
 """Recording, base model and output directory; writes ``report.json`` there."""
@@ -124,7 +124,7 @@ class Proving:
         self._gauge(truths)
         proof = self._score(truths, published)
         (self.out / "proof.json").write_bytes(msgspec.json.format(msgspec.json.encode(proof), indent=1) + b"\n")
-        written = page(proof.judged, proof.score, published, self.seed, self.cases)
+        written = proof_page(proof.judged, proof.score, published, self.seed, self.cases)
         (self.out / "proof.html").write_text(written, encoding="utf-8")
         return proof
 

@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import base64
-import html
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from chatter_monitor.discrepancy.prove.scoring import Judged, Rate, Score
+from chatter_monitor.reports.page import Link, embedded, page, table, text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = {"right": "#3f7d4e", "abstained": "#d9b44a", "missed": "#9aa7b8", "wrong": "#b0303a", "failed": "#333333"}
-
-_STYLE = """body{font:15px/1.45 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#222}
-table{border-collapse:collapse;margin:1em 0;display:block;overflow-x:auto}
-td,th{padding:.2em .7em;text-align:left;border-bottom:1px solid #ddd}
-td.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}code{background:#f3f3f3}
-.right{color:#3f7d4e}.wrong,.failed{color:#b0303a;font-weight:600}.abstained{color:#8a6d10}.missed{color:#667}"""
+_HEADINGS = ("case", "hidden", "strength", "concealed", "spectrum", "normality p", "answer", "outcome", "gain, nats")
 
 
 def lines(score: Score) -> Iterator[str]:
@@ -44,66 +38,57 @@ def lines(score: Score) -> Iterator[str]:
         yield f"{truth:<35} " + ", ".join(f"{answer} {n}" for answer, n in answers.items())
 
 
-def page(judged: Sequence[Judged], score: Score, key_sha256: str, seed: int, drawn: int) -> str:
+def proof_page(judged: Sequence[Judged], score: Score, key_sha256: str, seed: int, drawn: int) -> str:
     """Self-contained HTML of the proof; the reports of the cases are linked, not embedded.
 
     `drawn` cases are in the draw; those judged are its first ones.
     """
     of_drawn = f"The first {len(judged)} of {drawn}" if len(judged) < drawn else f"{drawn}"
-    rates = "".join(
-        f"<tr><td>{html.escape(name)}</td><td class=n>{rate.hits} of {rate.of}</td>"
-        f"<td class=n>{_percent(rate)}</td><td class=n>{_interval(rate)}</td></tr>"
-        for name, rate in score.rates.items()
-    )
-    confusion = "".join(
-        f"<tr><td>{html.escape(truth)}</td><td>"
-        + ", ".join(f"{html.escape(answer)}&nbsp;<b>{n}</b>" for answer, n in answers.items())
-        + "</td></tr>"
-        for truth, answers in score.confusion.items()
-    )
-    kinds = "".join(
-        f"<tr><td>{html.escape(kind)}</td><td>{html.escape(strength)}</td><td>"
-        + ", ".join(f"<span class={outcome}>{outcome} {n}</span>" for outcome, n in sorted(row.items()))
-        + "</td></tr>"
+    rates = [(name, f"{rate.hits} of {rate.of}", _percent(rate), _interval(rate)) for name, rate in score.rates.items()]
+    kinds = [
+        (kind, strength, _counts(dict(sorted(row.items()))))
         for kind, bins in score.by_kind.items()
         for strength, row in sorted(bins.items())
-    )
-    cases = "".join(_case_row(j) for j in judged)
-    pictures = "".join(_picture(draw, judged) for draw in (_draw_outcomes, _draw_uniform, _draw_intervals))
-    return f"""<!doctype html><html lang=en><meta charset=utf-8><title>Concealed-physics proof</title>
-<style>{_STYLE}</style><h1>Concealed-physics proof</h1>
-<p>{of_drawn} cases of draw {seed}, made by a generator that shares no code with the engine. The key
-was sealed before the first diagnosis: SHA-256 <code>{key_sha256}</code>. A case is <em>concealed</em> if neither its
-spectrum (log-spectral distance from the best linear simulation, against linear recordings, 5 %) nor its distribution
-(Shapiro-Wilk, 5 %) can be told from linear; so even a linear case looks visible in about one of ten.</p>
-<h2>Counts</h2><table><tr><th>share<th>cases<th>%<th>95 % interval</tr>{rates}</table>
-{pictures}<h2>Answers</h2><table><tr><th>hidden<th>answered</tr>{confusion}</table>
-<h2>By effect and strength</h2>
-<p>Strength: share of the rms restoring force that no linear spring and damper can imitate.</p>
-<table><tr><th>effect<th>strength<th>outcome</tr>{kinds}</table>
-<h2>Cases</h2>
-<p>Spectrum: log-spectral distance from the best linear simulation, and in brackets what 95 % of linear recordings stay
-below. Gain: on the held-out half, and in brackets what the true model gains there and
-the most that it could if the motion were known.</p>
-<table>
-<tr><th>case<th>hidden<th>strength<th>concealed<th>spectrum<th>normality p<th>answer<th>outcome<th>gain, nats</tr>
-{cases}</table>
-</html>
-"""
+    ]
+    parts = [
+        "<h1>Concealed-physics proof</h1>",
+        f"<p>{of_drawn} cases of draw {seed}, made by a generator that shares no code with the engine. The key was"
+        f" sealed before the first diagnosis: SHA-256 <code>{text(key_sha256)}</code>.</p>",
+        "<h2>Counts</h2>",
+        table(("share", "cases", "%", "95 % interval"), rates),
+        *(_picture(draw, judged) for draw in (_draw_outcomes, _draw_uniform, _draw_intervals)),
+        "<h2>Answers</h2>",
+        table(("hidden", "answered"), [(truth, _counts(answers)) for truth, answers in score.confusion.items()]),
+        "<h2>By effect and strength</h2>",
+        "<p>Strength: share of the rms restoring force that no linear spring and damper can imitate.</p>",
+        table(("effect", "strength", "outcome"), kinds),
+        "<h2>Cases</h2>",
+        "<p>A case is concealed if neither its spectrum (log-spectral distance from the best linear simulation, in"
+        " brackets what 95 % of linear recordings stay below) nor its distribution (Shapiro-Wilk, 5 %) can be told from"
+        " linear; so even a linear case looks visible in about one of ten. Gain: on the held-out half, in brackets what"
+        " the true model gains there and the most that it could if the motion were known.</p>",
+        table(_HEADINGS, map(_case_row, judged)),
+    ]
+    return page("Concealed-physics proof", parts)
 
 
-def _case_row(j: Judged) -> str:
-    strength = "" if j.strength is None else f"{100 * j.strength:.1f} %"
+def _counts(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{what} {n}" for what, n in counts.items())
+
+
+def _case_row(j: Judged) -> tuple[str | Link, ...]:
     gain = "" if j.gain_nats is None else f"{j.gain_nats:.1f}"
     most = [f"{each:.0f}" for each in (j.true_gain_nats, j.bound_nats) if each is not None]
-    if most:
-        gain += f" ({', '.join(most)})"
     return (
-        f'<tr><td><a href="diagnoses/{j.case}/report.html">{j.case}</a></td><td>{html.escape(j.kind)}</td>'
-        f"<td class=n>{strength}</td><td>{'yes' if j.concealed else 'no'}</td>"
-        f"<td class=n>{j.distance:.3f} ({j.band95:.3f})</td><td class=n>{j.normality_p:.3f}</td>"
-        f"<td>{html.escape(j.answer)}</td>"
-        f"<td class={j.outcome}>{j.outcome}</td><td class=n>{gain}</td></tr>"
+        Link(j.case, f"diagnoses/{j.case}/report.html"),
+        j.kind,
+        "" if j.strength is None else f"{100 * j.strength:.1f} %",
+        "yes" if j.concealed else "no",
+        f"{j.distance:.3f} ({j.band95:.3f})",
+        f"{j.normality_p:.3f}",
+        j.answer,
+        j.outcome,
+        f"{gain} ({', '.join(most)})" if most else gain,
     )
 
 
@@ -157,7 +142,7 @@ def _draw_intervals(axes: Axes, judged: Sequence[Judged]) -> bool:
 
 
 def _picture(draw: Callable[[Axes, Sequence[Judged]], bool], judged: Sequence[Judged]) -> str:
-    """A figure as an image in the page; nothing where there is nothing to draw."""
+    """A figure inside the page; nothing where there is nothing to draw."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 6.5), layout="constrained")
@@ -165,8 +150,7 @@ def _picture(draw: Callable[[Axes, Sequence[Judged]], bool], judged: Sequence[Ju
         return ""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110)
-    encoded = base64.b64encode(buffer.getvalue()).decode("ascii")
-    return f'<p><img alt="{html.escape(str(draw.__doc__))}" src="data:image/png;base64,{encoded}"></p>'
+    return f"<figure>{embedded(buffer.getvalue(), 'png', str(draw.__doc__))}</figure>"
 
 
 def _spoken(rate: Rate) -> str:
