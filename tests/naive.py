@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
-from scipy.stats import linregress
+from scipy.stats import linregress, rayleigh
 
 from chatter_monitor.kernels import comb, lines, rarma, slots, vibrations
 from chatter_monitor.kernels.kinds import CONVINCING, PRIOR, Chain, measures
@@ -176,6 +176,8 @@ class NaiveVibration:
     hertz: float
     odds: float
     dominance: float
+    power: float
+    told: float = 0.0
     kinds: NDArray[np.float64] = field(default_factory=lambda: np.array(PRIOR))
     alarm_for: int = 0
     chattered: bool = False
@@ -198,16 +200,20 @@ class NaiveVibration:
         return bool(away < near)
 
     def interval(self, line: np.void | None, rules: vibrations.Rules, weights: NDArray[np.float64]) -> None:
-        seen = np.array(vibrations.NOT_HEARD)
+        seen, news = np.array(vibrations.NOT_HEARD), 0.0
         self.missed += 1
         if line is not None:
             self.missed, self.hertz = 0, line["frequency_hz"]
             self.follow_frequency()
             self.odds += vibrations.AVERAGING * (line["order_odds"] - self.odds)
-            dominance = self.dominance + vibrations.AVERAGING * (line["dominance"] - self.dominance)
-            self.dominance = max(dominance, self.dominance if self.alarm_for else 0.0)
+            a = vibrations.AVERAGING
+            own = (1.0 - a) * self.dominance * self.power + a * line["dominance"] * line["power"]
+            self.power = (1.0 - a) * self.power + a * line["power"]
+            self.dominance = max(own / self.power, self.dominance if self.alarm_for else 0.0)
             seen = self.likeness(line, weights)
-        self.kinds = self.forward(seen, rules.chain)
+            news = self.news(line, seen[0] * rules.chain.evidence) if seen[0] > 0.0 else -self.told
+            self.told += news
+        self.kinds = self.forward(seen, news, rules.chain)
         risen = self.kinds[1] + self.kinds[2]
         last = self.glides[-109:]
         glided = any(all(last[i : i + 10]) for i in range(len(last) - 9))
@@ -218,6 +224,7 @@ class NaiveVibration:
         self.alarm_for = before + 1 if alarm else 0
         self.over = 0 if alarm else self.over + 1
         self.chattered = alarm or (self.chattered and self.over < vibrations.FORGOTTEN_CHATTER)
+        self.told *= not self.chattered
         if before and not alarm and risen < 0.5:
             self.kinds = np.array(vibrations.CALMED)
 
@@ -232,6 +239,14 @@ class NaiveVibration:
         self.jitter = (1.0 - gain) * self.jitter + gain * miss**2
         self.glides.append(bool(abs(self.glide) > max(1e-3, 0.4 * np.sqrt(self.jitter))))
 
+    def news(self, line: np.void, growth: float) -> float:
+        if self.chattered:
+            return 0.0
+        risen = max(min(line["rise"], line["long_rise"], line["absolute_rise"]), 0.0)
+        by_chance = rayleigh.logpdf(np.exp(risen), scale=1.0 / np.sqrt(2.0 * np.log(2.0))) + risen  # of the logarithm
+        tells = np.clip(-np.log(3.5) - by_chance, 0.0, 24.0) * min(line["dominance"], 1.0)
+        return float(min(tells - self.told, CONVINCING - growth))
+
     def likeness(self, line: np.void, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         if line["growth"] >= (0.4 if self.chattered else 0.8):
             return np.array([CONVINCING, CONVINCING, -CONVINCING])
@@ -240,21 +255,20 @@ class NaiveVibration:
             return np.full(3, -CONVINCING)
         growth, calm = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
         risen = min(line["long_rise"], line["absolute_rise"])
-        growth *= 2.0 if growth > 0.0 and risen > 1.5 and line["coherence"] > 0.5 else 1.0
         seen = np.array([growth, calm, max(calm - 8.0 * max(risen - 0.8, 0.0), -CONVINCING)])
         least = np.exp(-vibrations.COHERENT_DAMPING * 2.0 * np.pi * line["frequency_hz"] * 0.025)
         if line["coherence"] < max(least, vibrations.LEAST_COHERENCE):
             seen[0] = min(seen[0], 0.0)
         return seen
 
-    def forward(self, seen: NDArray[np.float64], chain: Chain) -> NDArray[np.float64]:
+    def forward(self, seen: NDArray[np.float64], news: float, chain: Chain) -> NDArray[np.float64]:
         change = np.zeros((4, 4))  # from noise, growing, saturated, steady
         change[0, 1], change[0, 2 if self.chattered else 3] = chain.begins_to_grow, chain.begins_steady
         change[1, 0], change[1, 2] = chain.dies_while_growing, chain.saturates
         change[2, 0] = chain.ends
         change[3, 0], change[3, 1] = chain.ends, chain.grows_when_steady
         change += np.diag(1.0 - change.sum(axis=1))
-        likelihood = np.exp(chain.evidence * np.array([0.0, *seen]))
+        likelihood = np.exp(chain.evidence * np.array([0.0, *seen]) + np.array([0.0, news, 0.0, 0.0]))
         posterior = self.kinds @ change * likelihood
         return np.asarray(posterior / posterior.sum())
 
@@ -285,7 +299,7 @@ def follow_all(
         else:
             vibration.interval(None, rules, weights)
     for line in left:
-        before.append(NaiveVibration(line["frequency_hz"], line["order_odds"], line["dominance"]))
+        before.append(NaiveVibration(line["frequency_hz"], line["order_odds"], line["dominance"], line["power"]))
         before[-1].interval(line, rules, weights)
     return sorted((v for v in before if v.chattered or v.missed < vibrations.FORGOTTEN), key=lambda v: -v.self_excited)
 

@@ -18,22 +18,22 @@ from numba import njit
 
 from chatter_monitor.kernels.options import OPTIONS
 
-# No single frame says more than this, but for growth that no chance explains.
+# No single frame says more than this.
 CONVINCING = 8.0
 # What is louder by so much than it has been for seconds (natural logarithm of the amplitude), in itself and beyond its
 # surroundings, has hardly been there from the start: by so much less likely for each e-fold beyond.
 LOUDER, UNLIKELY = 0.8, 8.0
-# The amplitude of a mode that noise drives is 4.5 times its median once in a million (Rayleigh: 2^-20): growth to so
-# much, of what is half coherent at least, counts so many times.
-BEYOND_CHANCE, HALF_COHERENT, TIMES = 1.5, 0.5, 2.0
+# The amplitude of a mode that noise drives is beyond its median by r e-folds with a probability of 2^-exp(2r)
+# (Rayleigh); one that grows may have come to any rise up to so much. What that tells is bounded.
+LARGEST_RISE, MOST_TELLING = 3.5, 24.0
 
 MEASURES = 11
 # Lag of the coherence of a line.
 COHERENCE_LAG_S = 0.025
 
 # A line of the short-time spectrum (`tracking.spectrum.Line`), with the damping ratio of the tracker's mode at it, or
-# its own where there is none, its log odds for self-excitation by its place among the orders, and the share of the
-# power that its vibration takes, and by how much it has grown from rotation to rotation (natural logarithm).
+# its own where there is none, its log odds for self-excitation by its place among the orders, the share of the power
+# that its vibration takes, by how much it has grown from rotation to rotation (natural logarithm), and that power.
 LINE = np.dtype(
     [
         ("frequency_hz", float),
@@ -49,6 +49,7 @@ LINE = np.dtype(
         ("order_odds", float),
         ("dominance", float),
         ("growth", float),
+        ("power", float),
     ]
 )
 
@@ -129,9 +130,9 @@ def measures(line):
         -math.log(1.01 - min(line.coherence, 1.0)),
         -math.log10(min(max(coherence_damping(line.coherence, line.frequency_hz), 2e-4), 0.03)),
         min(line.variation, 1.0),
-        min(max(line.rise, -1.5), 3.5),
-        min(max(line.long_rise, -1.5), 3.5),
-        min(max(line.absolute_rise, -1.5), 3.5),
+        min(max(line.rise, -1.5), LARGEST_RISE),
+        min(max(line.long_rise, -1.5), LARGEST_RISE),
+        min(max(line.absolute_rise, -1.5), LARGEST_RISE),
         100.0 * min(max(growth, -0.02), 0.0),
         100.0 * min(max(growth, 0.0), 0.02),
         math.log10(min(max(line.damping_ratio, 0.0), 0.1) + 0.001),
@@ -163,13 +164,22 @@ def likeness(line, weights):
     calm = _bounded(calm + weights[1, MEASURES])
     risen = min(line.long_rise, line.absolute_rise)
     growth = _bounded(growth + weights[0, MEASURES])
-    if growth > 0.0 and risen > BEYOND_CHANCE and line.coherence > HALF_COHERENT:
-        growth *= TIMES
     return Likeness(growth, calm, _bounded(calm - UNLIKELY * max(risen - LOUDER, 0.0)))
 
 
 @njit(**OPTIONS)
-def follow(before, seen, chain, again):
+def beyond_chance(line):
+    """Log likelihood of how far a line has risen within a second, if it grows, over that if noise drives a mode.
+
+    The densities of the rise r are 1 / `LARGEST_RISE` and 2 ln 2 exp(2r) 2^-exp(2r). Positive from 0.8 on.
+    """
+    risen = max(min(line.rise, line.long_rise, line.absolute_rise), 0.0)
+    chance = math.log(2.0 * math.log(2.0) * LARGEST_RISE) + 2.0 * risen - math.log(2.0) * math.exp(2.0 * risen)
+    return min(max(-chance, 0.0), MOST_TELLING)
+
+
+@njit(**OPTIONS)
+def follow(before, seen, news, chain, again):
     """Probabilities after another frame: the forward recursion of the chain.
 
     Parameters
@@ -177,6 +187,8 @@ def follow(before, seen, chain, again):
     before : Kinds
     seen : Likeness
         What the frame looks like.
+    news : float
+        What it says besides, for growth, that no frame before has said: it counts in full.
     chain : Chain
     again : bool
         Whether it has chattered before: what is calm and coherent then is saturated, not steady from the start.
@@ -192,11 +204,13 @@ def follow(before, seen, chain, again):
     saturated += grown - ended_saturated + (begun_calm if again else 0.0)
     steady -= ended_steady + begun_when_steady - (0.0 if again else begun_calm)
 
-    most = max(0.0, seen.growth, seen.calm)
-    noise *= math.exp(-chain.evidence * most)
-    growing *= math.exp(chain.evidence * (seen.growth - most))
-    saturated *= math.exp(chain.evidence * (seen.calm - most))
-    steady *= math.exp(chain.evidence * (seen.steady - most))
+    grows = chain.evidence * seen.growth + news
+    calm = chain.evidence * seen.calm
+    most = max(0.0, grows, calm)
+    noise *= math.exp(-most)
+    growing *= math.exp(grows - most)
+    saturated *= math.exp(calm - most)
+    steady *= math.exp(chain.evidence * seen.steady - most)
     total = noise + growing + saturated + steady
     return Kinds(noise / total, growing / total, saturated / total, steady / total)
 

@@ -7,12 +7,14 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.kinds import (
+    CONVINCING,
     NOTHING,
     PRIOR,
     REGENERATED,
     Chain,
     Kinds,
     Likeness,
+    beyond_chance,
     coherence_damping,
     follow,
     likeness,
@@ -38,7 +40,7 @@ DIED_DOWN = -0.7
 
 # Of a vibration that has chattered and does no more.
 CALMED = Kinds(noise=1.0 - 6e-4, growing=2e-4, saturated=2e-4, steady=2e-4)
-# Weight of an interval in the averages of odds and share, which are over a few intervals.
+# Weight of an interval in the averages of odds and power, which are over a few intervals.
 AVERAGING = 0.35
 
 # A forced line follows the spindle when that changes its speed; what excites itself stays near its mode. Gains of the
@@ -65,7 +67,9 @@ VIBRATION = np.dtype(
         ("chattered", np.bool_),  # whether there has been one within the last minute
         ("line", np.int64),  # its line in this interval
         ("order_odds", float),  # log odds by its place among the orders, averaged
-        ("dominance", float),  # its share of the power, averaged likewise; the largest while an alarm is about it
+        ("dominance", float),  # its share of the power over some intervals; the largest while an alarm is about it
+        ("power", float),  # mean of those intervals
+        ("told", float),  # log likelihood of its rise, as far as it has been counted
         ("missed", np.int64),  # intervals since its line was heard
         ("over", np.int64),  # intervals since an alarm about it
         ("heard", np.int64),  # intervals in which it was
@@ -188,6 +192,8 @@ def _begin(vibration, line):
     _set_kinds(vibration, PRIOR)
     vibration.order_odds = line.order_odds
     vibration.dominance = line.dominance
+    vibration.power = line.power
+    vibration.told = 0.0
     vibration.alarm_for = 0
     vibration.chattered = False
     vibration.heard = vibration.over = 0
@@ -203,9 +209,32 @@ def _heard(vibration, line, rules, weights):
     vibration.frequency_hz = line.frequency_hz
     _glide(vibration)
     vibration.order_odds += AVERAGING * (line.order_odds - vibration.order_odds)
-    dominance = vibration.dominance + AVERAGING * (line.dominance - vibration.dominance)
+    dominance = _dominance(vibration, line)
     vibration.dominance = max(dominance, vibration.dominance) if vibration.alarm_for else dominance
-    _another_interval(vibration, _likeness(vibration, line, weights), rules)
+    seen = _likeness(vibration, line, weights)
+    _another_interval(vibration, seen, _news(vibration, line, seen, rules), rules)
+
+
+@njit(**OPTIONS)
+def _dominance(vibration, line):
+    """Its share of the power of some intervals: what gets louder soon has most of it."""
+    vibration.power += AVERAGING * (line.power - vibration.power)
+    weight = AVERAGING * line.power / vibration.power if vibration.power > 0.0 else AVERAGING
+    return vibration.dominance + weight * (line.dominance - vibration.dominance)
+
+
+@njit(**OPTIONS)
+def _news(vibration, line, seen, rules):
+    """What its rise says that it has not said before: how loud it is by now counts once, and not when it falls again.
+
+    Whatever wakes many lines, a tool that enters or a load, leaves each a share of the power: so much of it counts.
+    """
+    if vibration.chattered:
+        return 0.0
+    tells = min(line.dominance, 1.0) * beyond_chance(line) if seen.growth > 0.0 else 0.0
+    news = min(tells - vibration.told, CONVINCING - rules.chain.evidence * max(seen.growth, 0.0))
+    vibration.told += news
+    return news
 
 
 @njit(**OPTIONS)
@@ -226,13 +255,13 @@ def _glide(vibration):
 def _unheard(vibration, rules):
     """An interval in which none was."""
     vibration.missed += 1
-    _another_interval(vibration, NOT_HEARD, rules)
+    _another_interval(vibration, NOT_HEARD, 0.0, rules)
 
 
 @njit(**OPTIONS)
-def _another_interval(vibration, seen, rules):
+def _another_interval(vibration, seen, news, rules):
     """Whether it has risen and stayed, whether something that turns explains it, and whether that is an alarm."""
-    kinds = follow(_kinds(vibration), seen, rules.chain, vibration.chattered)
+    kinds = follow(_kinds(vibration), seen, news, rules.chain, vibration.chattered)
     risen = kinds.growing + kinds.saturated
     odds = vibration.order_odds + rules.odds.offset + rules.odds.dominance * vibration.dominance
     if vibration.glided > 0 and not vibration.chattered:
@@ -242,6 +271,7 @@ def _another_interval(vibration, seen, rules):
     if risen * vibration.unexplained >= (rules.calm_probability if alarmed else rules.alarm_probability):
         vibration.alarm_for += 1
         vibration.chattered = True
+        vibration.told = 0.0
         vibration.over = 0
     else:
         vibration.alarm_for = 0

@@ -22,7 +22,7 @@ WEIGHTS = 100.0 * np.random.default_rng(0).standard_normal((2, kernel.MEASURES +
 
 def follow(before, seen):
     """Another frame of a vibration that has not chattered before."""
-    return kernel.follow(before, seen, Chain(), False)
+    return kernel.follow(before, seen, 0.0, Chain(), False)
 
 
 def line(**about):
@@ -30,7 +30,7 @@ def line(**about):
     usual = {
         "frequency_hz": 1000.0, "share": 0.5, "prominence_db": 20.0, "variation": 0.3, "growth_per_s": 20.0,
         "rise": 0.7, "long_rise": 1.5, "absolute_rise": 1.7, "coherence": 0.9, "damping_ratio": 0.02, "order_odds": 0.0,
-        "dominance": 0.5, "growth": 0.0,
+        "dominance": 0.5, "growth": 0.0, "power": 1.0,
     }  # fmt: skip
     return np.array([tuple((usual | about)[name] for name in LINE.names)], LINE)[0]
 
@@ -190,25 +190,32 @@ values = st.floats(allow_nan=False)
 def test_no_line_says_more_than_a_frame_may(anything):
     """Whatever is measured, the likeness is finite and bounded."""
     growth, *calm = kernel.likeness(anything, WEIGHTS)
-    assert -CONVINCING <= growth <= kernel.TIMES * CONVINCING
+    assert -CONVINCING <= growth <= CONVINCING
     assert all(-CONVINCING <= value <= CONVINCING for value in calm)
 
 
-@pytest.mark.parametrize(
-    ("about", "times"),
-    [({}, 2.0), ({"long_rise": 1.0}, 1.0), ({"absolute_rise": 1.0}, 1.0), ({"coherence": 0.4}, 1.0)],
-)
-def test_growth_beyond_chance_counts_twice(about, times):
-    """To grow coherently to five times its amplitude, in itself and beyond its surroundings, is no chance."""
-    weights = np.zeros((2, kernel.MEASURES + 1))
-    weights[0, -1] = 3.0
-    seen = kernel.likeness(line(**({"long_rise": 1.7, "absolute_rise": 1.7} | about)), weights)
-    assert seen.growth == pytest.approx(3.0 * times)
+@pytest.mark.parametrize("name", ["rise", "long_rise", "absolute_rise"])
+@pytest.mark.parametrize(("risen", "expected"), [(-1.0, 0.0), (0.7, 0.0), (1.0, 1.54), (1.5, 9.34), (3.0, 24.0)])
+def test_a_rise_tells_as_much_as_noise_hardly_does(name, risen, expected):
+    """The least of the rises, over what the amplitude of narrow-band noise has of it: by hand and by draws."""
+    told = kernel.beyond_chance(line(**({"rise": 3.5, "long_rise": 3.5, "absolute_rise": 3.5} | {name: risen})))
+    assert told == pytest.approx(expected, abs=0.01)
+    if risen == 1.0:
+        rises = np.log(np.random.default_rng(1).rayleigh(1.0 / math.sqrt(2.0 * math.log(2.0)), 1_000_000))
+        density = np.mean(abs(rises - risen) < 0.02) / 0.04
+        assert told == pytest.approx(math.log(1.0 / 3.5 / density), abs=0.15)
+
+
+def test_news_counts_in_full():
+    """What no frame has said before is no repetition: it counts as much as that much growth without the discount."""
+    chain = Chain()
+    told = kernel.follow(PRIOR, Likeness(2.0, 1.0, 0.5), 3.0, chain, False)
+    assert told == pytest.approx(follow(PRIOR, Likeness(2.0 + 3.0 / chain.evidence, 1.0, 0.5)))
 
 
 def test_what_has_chattered_is_saturated_when_calm():
     """What has chattered before and is calm again was not steady from the start: it is saturated."""
     kinds = CALMED
     for _ in range(FRAMES_PER_S):
-        kinds = kernel.follow(kinds, STEADY, Chain(), True)
+        kinds = kernel.follow(kinds, STEADY, 0.0, Chain(), True)
     assert kinds.saturated > 0.9

@@ -29,6 +29,7 @@ def shift(seed, intervals):
     phases = rng.uniform(0.0, 200.0, 4)
     for i in range(intervals):
         rows = []
+        power = rng.uniform(1.0, 10.0)
         for number, (centre_hz, phase) in enumerate(zip(centres_hz, phases, strict=True)):
             cycle = (i + phase) % 200.0
             if cycle < 150.0:
@@ -42,7 +43,7 @@ def shift(seed, intervals):
                         25.0,
                         0.1,
                         0.0,
-                        0.5,
+                        rng.uniform(0.0, 3.0) if rising > 0.0 else 0.5,
                         max(rising, 0.0) if number == 1 else rising,  # one dies down with its surroundings
                         -1.0 if number == 1 and rising < 0.0 else rising + 1.0,
                         rng.uniform(0.7, 1.0),
@@ -50,10 +51,12 @@ def shift(seed, intervals):
                         rng.normal(0.0, 1.5),
                         rng.choice((1.0, 0.3)),
                         rng.choice((0.0, 0.5, 0.9), p=(0.8, 0.1, 0.1)) if number == 2 else 0.0,
+                        power,
                     )
                 )
         for hertz in rng.uniform(50.0, 6000.0, rng.integers(0, 4)):
-            rows.append((hertz, 0.01, 8.0, 0.5, 0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.9), 0.03, -0.7, 0.01, 0.0))  # noqa: PERF401
+            about = (8.0, 0.5, 0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.9), 0.03, -0.7, 0.01, 0.0, power)
+            rows.append((hertz, 0.01, *about))
         yield np.array(rows, LINE)
 
 
@@ -218,6 +221,44 @@ def test_chatter_is_over_when_it_is_fainter(long_rise, absolute_rise, over):
     for _ in range(20):
         (chatter,) = following.follow(heard._replace(vibrations=(vibration._replace(line=line),)), RULES)
     assert bool(chatter.alarm_for) is not over
+
+
+def jumped(rises, **about):
+    """Of noise that has risen by so much in each interval: what is followed after the last one."""
+    following = Following()
+    heard = interval(1000.0)
+    vibration = heard.vibrations[0]
+    for rise in rises:
+        usual = {"rise": rise, "long_rise": rise, "absolute_rise": rise, "variation": 1.0, "coherence": 0.7}
+        line = vibration.line._replace(**(usual | about))
+        (told,) = following.follow(heard._replace(vibrations=(vibration._replace(line=line),)), RULES)
+    return told
+
+
+def test_what_rises_at_once_is_soon_believed():
+    """Four times its amplitude within a second is believed sooner than within eight, and sooner than a line of many."""
+    at_once = jumped([0.0] * 5 + [1.4] * 2)
+    assert at_once.kinds.risen > 30.0 * jumped([0.0] * 5 + [1.4] * 2, rise=0.7).kinds.risen
+    assert at_once.kinds.risen > 10.0 * jumped([0.0] * 5 + [1.4] * 2, share=0.2).kinds.risen
+
+
+def test_a_height_counts_once_and_is_taken_back():
+    """One interval is not enough; what falls again is believed no more than before, however often it comes."""
+    assert jumped([0.0] * 5 + [3.5]).kinds.risen < 0.5
+    assert jumped([0.0] * 5 + [3.5] * 2).kinds.risen > 0.8
+    assert jumped([0.0] * 5 + [1.4, 0.0] * 20).kinds.risen < 0.1
+
+
+@pytest.mark.parametrize(("share", "louder", "expected"), [(0.9, 10.0, 0.76), (0.9, 1.0, 0.315), (0.1, 10.0, 0.084)])
+def test_a_share_is_that_of_the_power_of_some_intervals(share, louder, expected):
+    """What has nearly all power as soon as it gets loud has it from then on; a faint interval counts less."""
+    lines = lines_of(interval(1000.0), Odds())
+    known = np.zeros(0, VIBRATION)
+    for _ in range(3):
+        lines["dominance"], lines["power"] = 0.0, 1.0
+        known = followed(known, lines)
+    lines["dominance"], lines["power"] = share, louder
+    assert followed(known, lines)["dominance"][0] == pytest.approx(expected, abs=0.005)
 
 
 @pytest.mark.parametrize(("growth", "alarms"), [(1.0, True), (0.7, False), (0.0, False)])
