@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.special import expit
 from scipy.stats import linregress, rayleigh
 
-from chatter_monitor.kernels import comb, lines, rarma, slots, vibrations
+from chatter_monitor.kernels import comb, rarma, slots, vibrations
 from chatter_monitor.kernels.kinds import CONVINCING, PRIOR, Chain, measures
+from chatter_monitor.kernels.prominence import AROUND, LOBE
 
 
 @dataclass
@@ -117,7 +118,7 @@ def prominence(power: NDArray[np.float64], lowest: int) -> NDArray[np.float64]:
     result = np.zeros(len(power))
     for b in range(lowest, len(power)):
         away = abs(np.arange(len(power)) - b)
-        around = (away > lines.LOBE) & (away <= lines.LOBE + lines.AROUND) & (np.arange(len(power)) >= lowest)
+        around = (away > LOBE) & (away <= LOBE + AROUND) & (np.arange(len(power)) >= lowest)
         result[b] = level[b] - level[around].mean()
     return result
 

@@ -12,6 +12,7 @@ from scipy import fft
 from chatter_monitor.kernels import lines
 from chatter_monitor.kernels.engagement import ENTERED, LONGEST, SINCE
 from chatter_monitor.kernels.kinds import COHERENCE_LAG_S, coherence_damping
+from chatter_monitor.kernels.narrowband import FRAME_HOPS
 from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
 
 # 25 ms tell lines 40 Hz apart and follow an amplitude that grows e-fold within that time. What is compared for the
@@ -96,21 +97,21 @@ class Spectrum:
     """
 
     def __init__(self, sample_rate_hz: float, interval: int) -> None:
-        self._hop = interval // lines.FRAME_HOPS
+        self._hop = interval // FRAME_HOPS
         self._hop_s = self._hop / sample_rate_hz
         self._window = np.hanning(round(WINDOW_S * sample_rate_hz) + 1)[:-1]
         points = 1 << int(np.ceil(np.log2(1.5 * len(self._window))))
         self._bin_hz = sample_rate_hz / points
         self._lowest = round(LOWEST_HZ / self._bin_hz)
         hops = round(HISTORY_S / self._hop_s)
-        self._state = lines.new_state(points, hops, round(LONG_S * hops / HISTORY_S) // lines.FRAME_HOPS)
+        self._state = lines.new_state(points, hops, round(LONG_S * hops / HISTORY_S) // FRAME_HOPS)
         self._taken = 0
         # the last window of the frame before, and the frame
         self._samples = np.full(len(self._window) + interval, np.nan)
         self._end = len(self._window)
-        self._pieces = np.zeros((lines.FRAME_HOPS, points))
-        self._silence = np.zeros((lines.FRAME_HOPS, points // 2 + 1), complex)
-        self._valid = np.zeros(lines.FRAME_HOPS, np.bool_)
+        self._pieces = np.zeros((FRAME_HOPS, points))
+        self._silence = np.zeros((FRAME_HOPS, points // 2 + 1), complex)
+        self._valid = np.zeros(FRAME_HOPS, np.bool_)
         self._peaks = np.zeros(LINES, np.int64)
         self._measures = np.zeros((LINES, lines.MEASURES))
         self._units = np.ones(lines.MEASURES)  # of the kernel, which counts in bins and hops

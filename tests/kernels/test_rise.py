@@ -1,0 +1,62 @@
+"""By how much a line is more than it was, against naive twins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from chatter_monitor.kernels.rise import HEARD, news, rise
+from tests import naive
+from tests.kernels.rings import BINS
+
+
+@pytest.mark.parametrize(("head", "frames"), [(9, 5), (9, 9), (30, 7), (30, 12), (30, 40), (2, 12)])
+@pytest.mark.parametrize(("idle", "since"), [(0.0, 99), (0.5, 99), (0.5, 4)])
+@pytest.mark.parametrize("spread", [0.0, 6.0])
+def test_rise_is_that_of_the_twin(head, frames, spread, idle, since):
+    """Rise is taken over as many frames as asked for, as have been, and as are kept, but for silent and idle ones."""
+    rows, b = 12, 20
+    rng = np.random.default_rng(7)
+    history, loudness = rng.standard_normal((head, BINS)), spread * rng.standard_normal(head)
+    in_the_cut = np.append(rng.random(head - 1) > idle, True)
+    kept, levels, cutting = np.zeros((BINS, rows)), np.zeros(rows), np.zeros(rows, bool)
+    for index, relief in enumerate(history):
+        kept[:, index % rows] = relief
+        levels[index % rows], cutting[index % rows] = loudness[index], in_the_cut[index]
+    last = slice(-min(frames, rows), None)
+    expected = naive.rise(history[last], loudness[last], in_the_cut[last], since, b)
+    assert rise(kept, levels, cutting, since, head, frames, b, np.zeros(rows)) == pytest.approx(expected)
+
+
+def test_the_first_frame_has_not_risen():
+    """There is nothing to have risen from."""
+    assert rise(np.ones((BINS, 12)), np.ones(12), np.ones(12, bool), np.inf, 1, 12, 20, np.zeros(12)) == 0.0
+
+
+@pytest.mark.parametrize("head", [40, 57, 90])
+@pytest.mark.parametrize("since", [1, 6, 30])
+def test_news_is_that_of_the_twin(head, since):
+    """What is new in a cut is so against the cuts before and the last air, once enough of both has been heard."""
+    rows, b = 57, 20
+    rng = np.random.default_rng(head + since)
+    history = rng.standard_normal((head, BINS))
+    in_the_cut = rng.random(head) > 0.5
+    in_the_cut[-since:] = True
+    kept, cutting = np.zeros((BINS, rows)), np.zeros(rows, bool)
+    for index, relief in enumerate(history):
+        kept[:, index % rows], cutting[index % rows] = relief, in_the_cut[index]
+    expected = naive.news(history[-rows:], in_the_cut[-rows:], since, b, HEARD)
+    assert news(kept, cutting, float(since), head, rows, b, np.zeros(rows)) == pytest.approx(expected)
+    in_the_air = cutting.copy()
+    in_the_air[(head - 1) % rows] = False
+    assert news(kept, in_the_air, float(since), head, rows, b, np.zeros(rows)) == 0.0
+    assert news(kept, cutting, np.inf, head, rows, b, np.zeros(rows)) == 0.0
+
+
+def test_nothing_rises_out_of_the_cut():
+    """While nothing is cut no line has risen, however loud it is against the cut before."""
+    loud = np.ones((BINS, 12))
+    loud[:, 11] = 9.0
+    cutting = np.ones(12, bool)
+    cutting[11] = False
+    assert rise(loud, np.ones(12), cutting, np.inf, 12, 12, 20, np.zeros(12)) == 0.0
