@@ -71,13 +71,22 @@ class Motion(NamedTuple):
 
 @njit(**OPTIONS)
 def delayed(x, now, delay):
-    """Displacement `delay` samples before index `now`, between samples by linear interpolation; 0 before the start."""
+    """Displacement `delay` samples before index `now`, between samples by a cubic; 0 before the start.
+
+    A straight line would take 2.5 % off a vibration of 14 samples a period, half way between two of them; it has to do
+    at the ends.
+    """
     back = int(np.floor(delay))
     share = delay - back
     i = now - back
     if i < 1 or delay < 1.0:
         return 0.0
-    return (1.0 - share) * x[i] + share * x[i - 1]
+    rest = 1.0 - share
+    if i < 2 or delay < 2.0:
+        return rest * x[i] + share * x[i - 1]
+    inner = (1.0 + rest) * (1.0 + share) * (rest * x[i] + share * x[i - 1])
+    outer = rest * share * ((1.0 + rest) * x[i + 1] + (1.0 + share) * x[i - 2]) / 3.0
+    return 0.5 * (inner - outer)
 
 
 @njit(cache=True, nogil=True)

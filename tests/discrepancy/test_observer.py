@@ -10,7 +10,17 @@ from scipy import stats
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.observer import Linear
-from chatter_monitor.kernels.observer import AFTER, AHEAD, BEFORE, NODES, SEEN, SUBSTEPS, either_side, share_above
+from chatter_monitor.kernels.observer import (
+    AFTER,
+    AHEAD,
+    BEFORE,
+    NODES,
+    SEEN,
+    SUBSTEPS,
+    delayed,
+    either_side,
+    share_above,
+)
 from chatter_monitor.physics.parts import AppliedTerm, Mode
 from chatter_monitor.physics.terms import CATALOGUE
 from tests.discrepancy.machine import OVERSAMPLING, Machine, coefficient, record, states
@@ -121,3 +131,14 @@ def test_a_force_acts_between_two_times():
     there, gone = slice(begin, 2 * begin), slice(round(2.2 * machine.rate_hz), None)
     assert np.std(knows.errors[there]) < np.std(never.errors[there])
     np.testing.assert_allclose(knows.errors[gone], never.errors[gone], atol=1e-6 * np.std(samples))
+
+
+def test_a_delay_between_samples_takes_nothing_off_a_vibration():
+    """At 14 samples a period, wherever the delay lies between two samples."""
+    turn = 2.0 * np.pi / 14.0
+    x = np.sin(turn * np.arange(60))
+    for delay in (2.0, 2.5, 7.25, 20.5, 33.9):
+        found = [delayed(x, now, delay) for now in range(40, 60)]
+        assert found == pytest.approx(np.sin(turn * (np.arange(40, 60) - delay)), abs=2e-3)
+    assert delayed(x, 40, 1.5) == pytest.approx(0.5 * (x[38] + x[39]))
+    assert delayed(x, 3, 5.0) == 0.0
