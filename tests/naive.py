@@ -243,7 +243,9 @@ class NaiveVibration:
     def news(self, line: np.void, growth: float) -> float:
         if self.chattered:
             return 0.0
-        risen = max(min(line["rise"], line["long_rise"], line["absolute_rise"]), 0.0)
+        absolute = line["absolute_rise"]
+        own = np.clip(absolute - line["long_rise"], 0.0, max(0.15 * absolute, 0.0))  # of what the surroundings rose
+        risen = max(min(line["rise"] + own, line["long_rise"] + own, absolute), 0.0)
         by_chance = rayleigh.logpdf(np.exp(risen), scale=1.0 / np.sqrt(2.0 * np.log(2.0))) + risen  # of the logarithm
         tells = np.clip(-np.log(3.5) - by_chance, 0.0, 24.0) * min(line["dominance"], 1.0)
         return float(min(tells - self.told, CONVINCING - growth))

@@ -194,7 +194,7 @@ def test_no_line_says_more_than_a_frame_may(anything):
     assert all(-CONVINCING <= value <= CONVINCING for value in calm)
 
 
-@pytest.mark.parametrize("name", ["rise", "long_rise", "absolute_rise"])
+@pytest.mark.parametrize("name", ["rise", "absolute_rise"])
 @pytest.mark.parametrize(("risen", "expected"), [(-1.0, 0.0), (0.7, 0.0), (1.0, 1.54), (1.5, 9.34), (3.0, 24.0)])
 def test_a_rise_tells_as_much_as_noise_hardly_does(name, risen, expected):
     """The least of the rises, over what the amplitude of narrow-band noise has of it: by hand and by draws."""
@@ -204,6 +204,13 @@ def test_a_rise_tells_as_much_as_noise_hardly_does(name, risen, expected):
         rises = np.log(np.random.default_rng(1).rayleigh(1.0 / math.sqrt(2.0 * math.log(2.0)), 1_000_000))
         density = np.mean(abs(rises - risen) < 0.02) / 0.04
         assert told == pytest.approx(math.log(1.0 / 3.5 / density), abs=0.15)
+
+
+@pytest.mark.parametrize(("absolute_rise", "risen"), [(0.9, 0.9), (1.2, 1.2), (2.0, 1.4), (3.0, 1.55)])
+def test_what_its_own_skirts_lift_counts_as_its_own(absolute_rise, risen):
+    """A line an e-fold out of its surroundings has risen by more where these rose with it, by 0.15 of all at most."""
+    told = kernel.beyond_chance(line(rise=1.1, long_rise=1.1, absolute_rise=absolute_rise))
+    assert told == pytest.approx(kernel.beyond_chance(line(rise=risen, long_rise=risen, absolute_rise=risen)))
 
 
 def test_news_counts_in_full():
