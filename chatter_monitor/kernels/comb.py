@@ -93,7 +93,10 @@ def apart(frequencies, least, kept):
 
 @njit(**OPTIONS)
 def common_without_one(orders, common):
-    """Greatest common divisor of all orders but one, for each of them; shape (n,) both, n at least 2."""
+    """Greatest common divisor of all orders but one, for each of them, shape (n,) both; of one order that itself."""
+    if orders.shape[0] == 1:
+        common[0] = orders[0]
+        return
     behind = 0
     for i in range(orders.shape[0] - 1, -1, -1):
         common[i] = behind
@@ -105,7 +108,7 @@ def common_without_one(orders, common):
 
 
 @njit(**OPTIONS)
-def surprise(frequencies, tolerances, low, high, candidates, gains, hits):
+def surprise(frequencies, tolerances, low, high, teeth, candidates, gains, hits):
     """Log odds against chance that lines lie on the multiples of each frequency that makes one of them a multiple.
 
     Parameters
@@ -114,6 +117,9 @@ def surprise(frequencies, tolerances, low, high, candidates, gains, hits):
         Where lines are, and how exactly that is known.
     low, high : float
         Range of the candidates.
+    teeth : int
+        Of the spindle: its lines are at multiples of their passing first of all. A line at one of those is so many
+        times less likely to be there by chance. 1 where it is unknown.
     candidates, gains : ndarray of float64, shape (room,)
         Each candidate, and the sum over its lines of -ln(chance that a line is so close to a multiple), less that of
         the rarest of them, because the candidate was made from one.
@@ -136,7 +142,8 @@ def surprise(frequencies, tolerances, low, high, candidates, gains, hits):
                 order = math.floor(frequencies[j] / candidate + 0.5)
                 if order >= 1.0 and abs(frequencies[j] - order * candidate) <= tolerances[j]:
                     count += 1
-                    chance = 2.0 * tolerances[j] / candidate
+                    spacing = candidate * (teeth if order % teeth == 0.0 else 1)
+                    chance = 2.0 * tolerances[j] / spacing
                     if chance < 1.0:
                         total -= math.log(chance)
                         rarest = max(rarest, -math.log(chance))

@@ -31,8 +31,13 @@ EXACT_SHARE = 3e-4
 AHEAD = 3.0
 # Where the lines of a self-excited vibration may be: its overtones with their sidebands, and forced lines beside them.
 PLACES = kernel.OVERTONES * (2 * kernel.SIDEBANDS + 1) + kernel.FORCED
-# Log of the odds against chance, over all the combs that were tried.
+# Log of the odds against chance, over all the combs that were tried: of any comb, and of that of a speed that was told.
+# That spindle is known to turn, and a told range is narrow; any other comb is one of many that there could be.
 ENOUGH = math.log(1000.0)
+ENOUGH_TOLD = math.log(20.0)
+# Multiples of the told passing of teeth that a few lines may be of. With a speed that may be 3.5 % off, each takes up
+# 7 % of the frequencies times its number, and what is there by chance, chatter too, may be taken for it.
+FIRST_MULTIPLES = 4
 # Logarithms of the factorials of numbers up to that of the lines.
 _LOG_FACTORIAL = gammaln(np.arange(STRONGEST + 1) + 1)
 
@@ -76,6 +81,21 @@ class Target:
     high_hz: float
     teeth: int | None = None
 
+    @property
+    def has_teeth(self) -> bool:
+        """Whether it is a known spindle of several teeth: at multiples of these few lines are believed."""
+        return self.teeth is not None and self.teeth > 1
+
+    @property
+    def enough(self) -> float:
+        """Log odds that a comb needs."""
+        return ENOUGH_TOLD if self.has_teeth else ENOUGH
+
+    @property
+    def fewest(self) -> int:
+        """Lines that make a comb at least."""
+        return 2 if self.has_teeth else 3
+
     def admits(self, fundamental_hz: float) -> bool:
         """Whether a fundamental is in the range."""
         return self.low_hz <= fundamental_hz <= self.high_hz
@@ -84,15 +104,20 @@ class Target:
         """Whether these orders, ascending, make a comb of this fundamental, even without any one of them.
 
         Lines that are all multiples of one order are a comb of that order's frequency. It has to be in the range, or
-        the order has to divide the teeth of the known spindle: a self-excited vibration has overtones, too.
+        the order has to divide the teeth of the known spindle: a self-excited vibration has overtones, too. Where
+        there are teeth, two lines are enough to find them, one to go on with; and without any one of them the others
+        may be multiples of one of the first multiples of the teeth. Sometimes no more is loud.
         """
-        if len(orders) < 3:
+        if len(orders) < (1 if self.has_teeth else self.fewest):
             return False
         common = np.empty(len(orders), np.int64)
         kernel.common_without_one(orders, common)
         if self.teeth is None:
             return bool((common * fundamental_hz <= self.high_hz).all())
-        return bool((self.teeth % common == 0).all())
+        first = FIRST_MULTIPLES if self.has_teeth else 1
+        at_teeth = (common % self.teeth == 0) & (common <= first * self.teeth)
+        together = len(orders) == 1 or self.teeth % np.gcd.reduce(orders) == 0
+        return bool(together and (at_teeth | (self.teeth % common == 0)).all())
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +185,7 @@ class Spectrum:
 
 def find_comb(lines: Lines, target: Target) -> Comb | None:
     """The comb for which there is most evidence, None where there is not enough."""
-    while len(lines.frequency_hz) >= 3:
+    while len(lines.frequency_hz) >= target.fewest:
         comb = _best_comb(lines, target)
         if comb is None:
             return None
@@ -172,12 +197,12 @@ def find_comb(lines: Lines, target: Target) -> Comb | None:
 
 
 def _best_comb(lines: Lines, target: Target) -> Comb | None:
-    frequency = lines.frequency_hz
-    room = int(np.sum(frequency / target.low_hz)) + 1
+    frequency, low_hz, high_hz = lines.frequency_hz, target.low_hz, target.high_hz
+    room = int(np.sum(frequency / low_hz)) + 1
     candidates, gains, hits = np.empty(room), np.empty(room), np.empty(room, dtype=np.int64)
-    made = kernel.surprise(frequency, lines.tolerance_hz, target.low_hz, target.high_hz, candidates, gains, hits)
+    made = kernel.surprise(frequency, lines.tolerance_hz, low_hz, high_hz, target.teeth or 1, candidates, gains, hits)
     gains = gains[:made] - _choices(len(frequency) - 1, hits[:made] - 1) - math.log(max(1, made))
-    promising = np.flatnonzero(gains > ENOUGH)
+    promising = np.flatnonzero(gains > target.enough)
     for i in promising[np.argsort(-gains[promising], kind="stable")]:
         if target.stands(lines.orders(candidates[i]), candidates[i]):
             return _fit(lines, candidates[i], float(gains[i]))

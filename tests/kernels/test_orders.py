@@ -146,16 +146,20 @@ def test_its_standard_deviation_of_the_speed_is_honest():
     assert 0.85 <= np.mean(inside[40:]) <= 1.0
 
 
-def test_surprise_is_the_sum_over_lines():
-    """Candidates are the parts of the lines within the range, each with the log chance of the lines on it."""
+@pytest.mark.parametrize("teeth", [1, 2, 5])
+def test_surprise_is_the_sum_over_lines(teeth):
+    """Candidates are the parts of the lines within the range, each with the log chance of the lines on it.
+
+    Lines at multiples of the teeth are so many times less likely there by chance.
+    """
     frequencies, tolerances = np.array([100.0, 150.2, 61.0]), np.array([0.5, 0.5, 0.4])
     candidates, gains, hits = np.empty(50), np.empty(50), np.empty(50, dtype=np.int64)
-    made = comb.surprise(frequencies, tolerances, 20.0, 60.0, candidates, gains, hits)
+    made = comb.surprise(frequencies, tolerances, 20.0, 60.0, teeth, candidates, gains, hits)
     expected = [f / k for f in frequencies for k in range(1, 8) if 20.0 <= f / k <= 60.0]
     np.testing.assert_allclose(candidates[:made], expected)
     for candidate, gain, hit in zip(candidates[:made], gains[:made], hits[:made], strict=True):
-        off = abs(frequencies - np.round(frequencies / candidate) * candidate)
-        on = off <= tolerances
-        surprises = -np.log(2 * tolerances[on] / candidate)
+        order = np.round(frequencies / candidate)
+        on = abs(frequencies - order * candidate) <= tolerances
+        surprises = -np.log(2 * tolerances / (candidate * np.where(order % teeth == 0, teeth, 1)))[on]
         assert hit == on.sum()
         assert gain == pytest.approx(surprises.sum() - surprises.max())

@@ -45,6 +45,24 @@ def test_tooth_harmonics_beside_a_family_of_sidebands_are_found():
     assert find_comb(lines(forced, family), ANY).fundamental_hz == pytest.approx(215.3, abs=0.2)
 
 
+@pytest.mark.parametrize(
+    ("others", "teeth", "found"),
+    [
+        ([99.6, 199.2], 6, True),  # the passing of teeth and its double
+        ([99.6], 6, False),  # one line may be anybody's
+        ([99.6, 199.2], 5, False),  # such lines may be anybody's, too
+        ([547.8, 1095.6, 1643.4], 6, False),  # a vibration near an order, with overtones
+    ],
+)
+def test_two_lines_are_enough_at_the_teeth_of_a_told_spindle(others, teeth, found):
+    """A spindle of 16.6 Hz that is told 2.7 % too slow is found by two lines of its teeth, and by no others."""
+    told_hz = 16.14
+    comb = find_comb(lines(others), Target(0.965 * told_hz, 1.035 * told_hz, teeth))
+    assert (comb is not None) is found
+    if comb is not None:
+        assert comb.fundamental_hz == pytest.approx(16.6, abs=0.02)
+
+
 def test_random_lines_make_no_comb():
     """Of 500 sets of lines at random, at most 3 make one: chance is to have one in a thousand."""
     rng = np.random.default_rng(5)
@@ -65,11 +83,21 @@ def test_random_lines_make_no_comb():
         ([4, 8, 12], 8, True),
         ([33, 66, 99], 4, False),  # a vibration near order 33 with overtones
         ([33, 66, 99, 4], 4, False),
+        ([6, 12], 6, True),  # two lines of the teeth of a told spindle
+        ([12], 6, True),  # and one
+        ([12, 24], 6, False),  # a vibration at a multiple, with an overtone
+        ([12, 18], 6, True),
+        ([30], 6, False),  # which is anybody's at a higher multiple
+        ([6, 19], 6, False),
+        ([5, 7], 6, False),
+        ([], 6, False),
+        ([1, 2], 1, False),  # with one tooth any line of the machine is at a multiple
+        ([1, 2, 3], 1, True),
     ],
 )
 def test_what_stands(orders, teeth, stands):
     """Orders make a comb only if, without any one of them, their common divisor is a spindle's or its teeth's."""
-    assert Target(5.0, 250.0, teeth).stands(np.array(sorted(orders)), 100.0) is stands
+    assert Target(5.0, 250.0, teeth).stands(np.array(sorted(orders), np.int64), 100.0) is stands
 
 
 def test_lines_are_where_they_are():

@@ -63,6 +63,18 @@ def test_a_comb_is_found_and_taken_out(spindle, source, time_s):
     assert late[-1].synchronous_share > 0.95
 
 
+def test_two_lines_of_the_teeth_are_enough_where_the_speed_is_told():
+    """They are taken out and followed while the spindle gets faster by a quarter; at unknown speed they are left."""
+    rotation_hz = TURNS_HZ * (1.0 + 0.25 * np.clip((np.arange(at(12.0)) / RATE_HZ - 2.5) / 7.0, 0.0, 1.0))
+    signal = comb(12.0, rotation_hz, {4: 1.0, 8: 0.5})
+    residual, frames = take_out(signal + noise(12.0), GIVEN)
+    assert {frame.source for frame in frames[at(1.55) // at(0.05) :]} == {"refined"}
+    assert frames[-1].rotation_hz == pytest.approx(1.25 * TURNS_HZ, rel=1e-3)
+    assert power(residual - noise(12.0), 1.55) < 0.02 * power(signal, 1.55)
+    residual, frames = take_out(signal + noise(12.0))
+    assert {frame.source for frame in frames} == {None}
+
+
 def test_what_comes_before_a_comb_is_known_passes():
     """Until something is found the samples are untouched, and the given speed is reported as given."""
     samples = comb(1, TURNS_HZ, MILLING) + noise(1)
