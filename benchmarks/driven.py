@@ -16,9 +16,9 @@ import numpy as np
 from scipy.io import loadmat
 
 from chatter_monitor.discrepancy.band import Recorded
-from chatter_monitor.discrepancy.conclude_driven import conclude_driven
 from chatter_monitor.discrepancy.diagnosis import recorded_from
-from chatter_monitor.discrepancy.driven import examine_driven
+from chatter_monitor.discrepancy.driven.case import examine_driven
+from chatter_monitor.discrepancy.driven.conclude import conclude_driven
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import Mode
 

@@ -18,8 +18,8 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_monitor.discrepancy.chatter.conclude import conclude_chatter
 from chatter_monitor.discrepancy.conclude import conclude
-from chatter_monitor.discrepancy.conclude_chatter import conclude_chatter
 from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
 from chatter_monitor.discrepancy.report import Report
 from chatter_monitor.physics.model import MachiningSystem

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from chatter_monitor.discrepancy.conclude_chatter import ChatterDiagnosis, conclude_chatter
+from chatter_monitor.discrepancy.chatter.conclude import ChatterDiagnosis, conclude_chatter
 from chatter_monitor.discrepancy.diagnosis import recorded_from
 from chatter_monitor.discrepancy.prove.blind.laws import CONTACT
 from chatter_monitor.discrepancy.prove.blind.motion import Hidden, march, noise_factor

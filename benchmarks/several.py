@@ -16,7 +16,7 @@ import numpy as np
 from chatter_monitor.discrepancy.diagnosis import in_band, recorded_from
 from chatter_monitor.discrepancy.linear import fit_base
 from chatter_monitor.discrepancy.observer import Linear
-from chatter_monitor.discrepancy.shared import Shared, seen, share
+from chatter_monitor.discrepancy.together.shared import Shared, seen, share
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Cut, Mode, Sensor, Spindle
 from chatter_monitor.physics.simulate import simulate

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from chatter_monitor.discrepancy.above import named_above
 from chatter_monitor.discrepancy.augment import Augmented, Start, augment, calibrated, fullest
 from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.columns import beside
 from chatter_monitor.discrepancy.diagnosis import offset_beside
 from chatter_monitor.discrepancy.findings import IN_WORDS, of_term
+from chatter_monitor.discrepancy.in_part.amplitude import named_above
+from chatter_monitor.discrepancy.in_part.models import begins_above
 from chatter_monitor.discrepancy.innovations import Diverged
 from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
 from chatter_monitor.discrepancy.name import MOST_TERMS, PRICE_NATS, SURE_NATS, Scored
 from chatter_monitor.discrepancy.observer import Linear
-from chatter_monitor.discrepancy.partial import begins_above
 from chatter_monitor.discrepancy.report import Finding
 from chatter_monitor.discrepancy.unnamed import POWERS_AND_SIDES, Unnamed, examine_rest, out_of_range
 from chatter_monitor.physics.parts import AppliedTerm

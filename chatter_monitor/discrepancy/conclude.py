@@ -21,8 +21,8 @@ from chatter_monitor.discrepancy.findings import (
     strongest,
     tones_of,
 )
+from chatter_monitor.discrepancy.in_part.models import acts_there
 from chatter_monitor.discrepancy.known import wrong_coefficients
-from chatter_monitor.discrepancy.partial import acts_there
 from chatter_monitor.discrepancy.report import Finding, Fit, Located, Report, Verdict
 from chatter_monitor.discrepancy.unnamed import Unnamed, examine_rest
 from chatter_monitor.discrepancy.whereabouts import MAPPED_P, whereabouts

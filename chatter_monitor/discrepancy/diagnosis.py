@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.discrepancy.above import LEFT_SHARE, find_above
 from chatter_monitor.discrepancy.band import FADE_S, Recorded, within_band, without
 from chatter_monitor.discrepancy.case import SURE, Case
 from chatter_monitor.discrepancy.ceiling import ceiling
@@ -22,10 +21,11 @@ from chatter_monitor.discrepancy.faults import (
     silent,
     slow_drift,
 )
+from chatter_monitor.discrepancy.in_part.amplitude import LEFT_SHARE, find_above
+from chatter_monitor.discrepancy.in_part.stretch import find_local
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.known import corrected, linearised
 from chatter_monitor.discrepancy.linear import Base, calibrate, fit_base
-from chatter_monitor.discrepancy.local import find_local
 from chatter_monitor.discrepancy.locate import (
     frequency_map,
     lag_map,

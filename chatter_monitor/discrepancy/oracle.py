@@ -13,9 +13,9 @@ from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.case import BLOCK_S
 from chatter_monitor.discrepancy.diagnosis import in_band
 from chatter_monitor.discrepancy.evidence import Evidence
+from chatter_monitor.discrepancy.in_part.stretch import acting
 from chatter_monitor.discrepancy.innovations import Diverged, Innovations
 from chatter_monitor.discrepancy.linear import calibrate
-from chatter_monitor.discrepancy.local import acting
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.physics.model import MachiningSystem
 

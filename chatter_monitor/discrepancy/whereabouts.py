@@ -8,7 +8,7 @@ import numpy as np
 
 from chatter_monitor.discrepancy.basis import scales, surface_at
 from chatter_monitor.discrepancy.case import Case
-from chatter_monitor.discrepancy.local import swing
+from chatter_monitor.discrepancy.in_part.stretch import swing
 from chatter_monitor.discrepancy.locate import lag_map
 from chatter_monitor.discrepancy.name import HELD_OUT_P
 from chatter_monitor.discrepancy.report import Finding, Located

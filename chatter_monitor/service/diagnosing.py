@@ -13,14 +13,14 @@ import numpy as np
 
 from chatter_monitor.acquisition.recording import Recording
 from chatter_monitor.discrepancy.band import Recorded
-from chatter_monitor.discrepancy.conclude_chatter import conclude_chatter
-from chatter_monitor.discrepancy.conclude_driven import conclude_driven
+from chatter_monitor.discrepancy.chatter.conclude import conclude_chatter
 from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
-from chatter_monitor.discrepancy.driven import examine_driven
+from chatter_monitor.discrepancy.driven.case import examine_driven
+from chatter_monitor.discrepancy.driven.conclude import conclude_driven
 from chatter_monitor.discrepancy.oracle import gain_of
 from chatter_monitor.discrepancy.report import Report
-from chatter_monitor.discrepancy.shared import with_process_damping
-from chatter_monitor.discrepancy.together import diagnose_together
+from chatter_monitor.discrepancy.together.diagnose import diagnose_together
+from chatter_monitor.discrepancy.together.shared import with_process_damping
 from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.model_file import model_text, read_model

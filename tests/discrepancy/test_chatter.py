@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from benchmarks.self_excited import RATE_HZ, draw, errors, growth_per_s, intervals_hold, record
 from chatter_monitor.cli import cli
-from chatter_monitor.discrepancy.conclude_chatter import conclude_chatter
+from chatter_monitor.discrepancy.chatter.conclude import conclude_chatter
 from chatter_monitor.discrepancy.diagnosis import recorded_from
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.model_file import model_text, read_model

@@ -8,9 +8,9 @@ import soundfile
 from numba import njit
 from scipy import signal
 
-from chatter_monitor.discrepancy.conclude_driven import conclude_driven
 from chatter_monitor.discrepancy.diagnosis import recorded_from
-from chatter_monitor.discrepancy.driven import examine_driven
+from chatter_monitor.discrepancy.driven.case import examine_driven
+from chatter_monitor.discrepancy.driven.conclude import conclude_driven
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.model_file import read_model

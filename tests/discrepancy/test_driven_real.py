@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.driven import DATA, emps, rig
-from chatter_monitor.discrepancy.conclude_driven import conclude_driven
-from chatter_monitor.discrepancy.driven import examine_driven
+from chatter_monitor.discrepancy.driven.case import examine_driven
+from chatter_monitor.discrepancy.driven.conclude import conclude_driven
 
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings are not here (../shared/data)")
 

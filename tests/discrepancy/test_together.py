@@ -11,7 +11,7 @@ import soundfile
 from click.testing import CliRunner
 
 from chatter_monitor.cli import cli
-from chatter_monitor.discrepancy.shared import Seen, share
+from chatter_monitor.discrepancy.together.shared import Seen, share
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model_file import model_text, read_model
 from chatter_monitor.physics.parts import Cut, Mode

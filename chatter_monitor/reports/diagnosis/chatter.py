@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal as dsp
 
-from chatter_monitor.discrepancy.conclude_chatter import ChatterDiagnosis
+from chatter_monitor.discrepancy.chatter.conclude import ChatterDiagnosis
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.simulate import simulate
 from chatter_monitor.reports.diagnosis.document import document

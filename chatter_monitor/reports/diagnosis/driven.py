@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from chatter_monitor.discrepancy.conclude_driven import DrivenDiagnosis
+from chatter_monitor.discrepancy.driven.conclude import DrivenDiagnosis
 from chatter_monitor.reports.diagnosis.document import document
 from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, BASE, RECORDED, bitmap, figure_of
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from chatter_monitor.discrepancy.shared import inverse_speed
-from chatter_monitor.discrepancy.together import Together
+from chatter_monitor.discrepancy.together.diagnose import Together
+from chatter_monitor.discrepancy.together.shared import inverse_speed
 from chatter_monitor.reports.diagnoses import WORDS
 from chatter_monitor.reports.diagnosis.document import document
 from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, RECORDED, bitmap, figure_of

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal as dsp
 
-from chatter_monitor.discrepancy.chatter import Regeneration, Vibration
+from chatter_monitor.discrepancy.chatter.growth import Regeneration, Vibration
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm

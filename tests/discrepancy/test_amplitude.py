@@ -5,24 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chatter_monitor.discrepancy import above
 from chatter_monitor.discrepancy.case import Threshold
+from chatter_monitor.discrepancy.in_part import amplitude
 
 AMPLITUDES = np.array([0.0, 0.5, 1.0, 1.5, 2.0])
 
 
 def begins_with(gains, monkeypatch):
     """Where a force begins whose gains above `AMPLITUDES` are these."""
-    monkeypatch.setattr(above, "_searched", lambda *_: (AMPLITUDES, np.array([gains])))
+    monkeypatch.setattr(amplitude, "_searched", lambda *_: (AMPLITUDES, np.array([gains])))
     case = type("Case", (), {"evidence": type("Evidence", (), {"everything": None})})
-    return above.begins(case, (None, []))
+    return amplitude.begins(case, (None, []))
 
 
 def test_a_sharp_likelihood_tells_where_a_force_begins(monkeypatch):
     """The interval ends at the next amplitudes that are not as likely; the gain pays for the amplitude."""
     found = begins_with([20.0, 25.0, 40.0, 26.0, 5.0], monkeypatch)
     assert (found.above, found.ci95) == (1.0, (0.5, 1.5))
-    assert found.gain_nats == pytest.approx(40.0 - 20.0 - above.PRICE_NATS)
+    assert found.gain_nats == pytest.approx(40.0 - 20.0 - amplitude.PRICE_NATS)
 
 
 def test_a_flat_likelihood_does_not(monkeypatch):

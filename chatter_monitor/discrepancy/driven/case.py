@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy import basis
-from chatter_monitor.discrepancy.balance import LINEAR, Balance, BalanceEvidence, balance, evidence_of
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.candidates import Candidate, candidates
 from chatter_monitor.discrepancy.ceiling import ceiling
+from chatter_monitor.discrepancy.driven.balance import LINEAR, Balance, BalanceEvidence, balance, evidence_of
 from chatter_monitor.discrepancy.locate import subspace_map
 from chatter_monitor.discrepancy.name import Contest, Scored
 from chatter_monitor.discrepancy.report import Statistic

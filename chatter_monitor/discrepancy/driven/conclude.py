@@ -10,15 +10,15 @@ import numpy as np
 from scipy import stats
 
 from chatter_monitor.discrepancy.all_along import REST_SHARE
-from chatter_monitor.discrepancy.balance import LINEAR
 from chatter_monitor.discrepancy.candidates import Candidate
 from chatter_monitor.discrepancy.case import BLOCK_S
 from chatter_monitor.discrepancy.conclude import RETUNED_P
-from chatter_monitor.discrepancy.driven import DrivenCase
+from chatter_monitor.discrepancy.driven.balance import LINEAR
+from chatter_monitor.discrepancy.driven.case import DrivenCase
+from chatter_monitor.discrepancy.driven.output_error import FreeRun, free_run
 from chatter_monitor.discrepancy.findings import IN_WORDS, SENSES, estimate
 from chatter_monitor.discrepancy.locate import whiteness_p
 from chatter_monitor.discrepancy.name import Scored
-from chatter_monitor.discrepancy.output_error import FreeRun, free_run
 from chatter_monitor.discrepancy.report import (
     Alternative,
     Calibration,

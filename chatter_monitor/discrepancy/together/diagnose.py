@@ -9,7 +9,6 @@ import msgspec
 import numpy as np
 from scipy import stats
 
-from chatter_monitor.discrepancy import shared
 from chatter_monitor.discrepancy.augment import Augmented, augment
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.conclude import Diagnosis, conclude
@@ -28,7 +27,8 @@ from chatter_monitor.discrepancy.report import (
     Report,
     Verdict,
 )
-from chatter_monitor.discrepancy.shared import PROCESS_DAMPING, Shared
+from chatter_monitor.discrepancy.together import shared
+from chatter_monitor.discrepancy.together.shared import PROCESS_DAMPING, Shared
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Cut

@@ -17,7 +17,7 @@ from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.candidates import Candidate
 from chatter_monitor.discrepancy.case import Case, Local, Threshold
 from chatter_monitor.discrepancy.evidence import Evidence
-from chatter_monitor.discrepancy.local import APART_NATS, swing, told
+from chatter_monitor.discrepancy.in_part.stretch import APART_NATS, swing, told
 from chatter_monitor.discrepancy.name import PRICE_NATS
 
 Vector = NDArray[np.float64]

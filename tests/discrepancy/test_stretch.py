@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from chatter_monitor.discrepancy.evidence import Evidence
-from chatter_monitor.discrepancy.local import stretch
+from chatter_monitor.discrepancy.in_part.stretch import stretch
 
 BLOCKS, BLOCK = 20, 500
 FREE = np.array([-np.inf, -np.inf])

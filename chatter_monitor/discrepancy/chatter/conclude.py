@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from chatter_monitor.discrepancy.band import Recorded
-from chatter_monitor.discrepancy.chatter import (
+from chatter_monitor.discrepancy.chatter.growth import (
     BELIEVED_P,
     BEYOND_WRONG_NATS,
     Regeneration,
@@ -18,7 +18,7 @@ from chatter_monitor.discrepancy.chatter import (
     regeneration_of,
     vibration,
 )
-from chatter_monitor.discrepancy.chatter_limit import augmented, chip_sd, plateau_of
+from chatter_monitor.discrepancy.chatter.limit import augmented, chip_sd, plateau_of
 from chatter_monitor.discrepancy.findings import IN_WORDS, estimate
 from chatter_monitor.discrepancy.report import (
     Alternative,

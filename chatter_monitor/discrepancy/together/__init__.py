@@ -1,0 +1,1 @@
+"""Several recordings of one machine: what they share, and one answer."""
