@@ -15,13 +15,16 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.repeats import Repeats
+from chatter_monitor.kernels.repeats import LONGEST, Repeats
 
 # A rotation repeats the one before: so large a correlation, at a lag that differs by so little from frame to frame.
 REPEATING, SAME_LAG = 0.6, 0.03
 # It has grown when it has been louder in so many frames in a row, and the amplitude more than doubled (natural
 # logarithm); what has grown is followed until it is half of that.
 IN_A_ROW, GROWN, NO_MORE = 4, 0.8, 0.4
+# What has got so much louder from one rotation to the next has jumped, as when a tool enters: in steps of a frame, that is
+# all that is asked for within a rotation, the longest. What regenerates gets louder from rotation to rotation.
+JUMP = GROWN / LONGEST
 # Out of step is a mean cosine of the phase below that of 60 degrees.
 OUT_OF_STEP = 0.5
 # Within a rotation it repeats by so much less, at lags from so many frames on to so near a whole rotation: a mode that
@@ -67,7 +70,7 @@ def growth(rotations: np.ndarray, repeats: Repeats) -> float:
     rotations[LAG] = lag
     rotations[FRAMES] += 1.0
     rotations[GROWTH] += step
-    if rotations[GROWTH] < NO_MORE if had_grown else step <= 0.0:
+    if step > JUMP or (rotations[GROWTH] < NO_MORE if had_grown else step <= 0.0):
         rotations[1:] = 0.0
         return 0.0
     rotations[COSINES] += cosine(repeats.correlation)

@@ -63,6 +63,12 @@ def test_what_does_not_get_louder_has_not_grown(phase, gain):
     assert listen(cut(phase, gain)).max() == 0.0
 
 
+@pytest.mark.parametrize("gain", [3.0, 5.0, 10.0, 30.0])
+def test_a_tool_that_enters_has_not_grown(gain):
+    """From one rotation to the next it is louder, and then it stays so."""
+    assert listen(cut(1.7, gain, louder=1)).max() == 0.0
+
+
 @pytest.mark.parametrize("teeth", [2, 5])
 def test_what_repeats_within_a_rotation_is_not_for_this(teeth):
     """Out of step and louder from tooth to tooth: lines so far apart are told one by one."""
