@@ -22,8 +22,8 @@ REPEATING, SAME_LAG = 0.6, 0.03
 # It has grown when it has been louder in so many frames in a row, and the amplitude more than doubled (natural
 # logarithm); what has grown is followed until it is half of that.
 IN_A_ROW, GROWN, NO_MORE = 4, 0.8, 0.4
-# What has got so much louder from one rotation to the next has jumped, as when a tool enters: in steps of a frame, that is
-# all that is asked for within a rotation, the longest. What regenerates gets louder from rotation to rotation.
+# What gets louder by so much in a frame has jumped, as when a tool enters: in the longest rotation that is all that is
+# asked for. What regenerates gets louder from rotation to rotation.
 JUMP = GROWN / LONGEST
 # Out of step is a mean cosine of the phase below that of 60 degrees.
 OUT_OF_STEP = 0.5
