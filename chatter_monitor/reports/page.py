@@ -105,13 +105,20 @@ def picture(figure: Figure, description: str) -> str:
     """Figure inside the page, with what is to be seen on it for those who cannot see it."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
-    drawn = embedded(buffer.getvalue(), "svg+xml", description)
+    drawn = _embedded(buffer, "svg+xml", description)
     return f"<figure>{drawn}<figcaption>{text(description)}</figcaption></figure>"
 
 
-def embedded(data: bytes, kind: str, description: str) -> str:
-    """Image file of a kind (``png``) inside the page."""
-    return f'<img alt="{text(description)}" src="data:image/{kind};base64,{base64.b64encode(data).decode()}">'
+def bitmap(figure: Figure, description: str, dpi: int) -> str:
+    """Figure with too many points for a drawing, inside the page, without a caption."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi)
+    return f"<figure>{_embedded(buffer, 'png', description)}</figure>"
+
+
+def _embedded(file: io.BytesIO, kind: str, description: str) -> str:
+    data = base64.b64encode(file.getvalue()).decode()
+    return f'<img alt="{text(description)}" src="data:image/{kind};base64,{data}">'
 
 
 def hex_colour(colour: Colour) -> str:

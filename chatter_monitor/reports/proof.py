@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from chatter_monitor.discrepancy.prove.scoring import Judged, Rate, Score
-from chatter_monitor.reports.page import Link, embedded, page, table, text
+from chatter_monitor.reports.page import Link, bitmap, page, table, text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -148,9 +147,7 @@ def _picture(draw: Callable[[Axes, Sequence[Judged]], bool], judged: Sequence[Ju
     figure = Figure(figsize=(9.0, 6.5), layout="constrained")
     if not draw(figure.subplots(), judged):
         return ""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
-    return f"<figure>{embedded(buffer.getvalue(), 'png', str(draw.__doc__))}</figure>"
+    return bitmap(figure, str(draw.__doc__), dpi=110)
 
 
 def _spoken(rate: Rate) -> str:

@@ -131,6 +131,11 @@ class Evidence(NamedTuple):
     flags: Flag
     entering: bool = False
 
+    @property
+    def power(self) -> float:
+        """Of what does not turn with the spindle: that which lines have their shares of."""
+        return self.rms**2 * (1.0 - self.orders.synchronous_share)
+
 
 def modes_evidence(frame: OdpFrame) -> tuple[list[ModeEvidence | None], list[list[int]]]:
     """Summarise each mode slot.

@@ -146,7 +146,6 @@ def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
     """Prominent lines of an interval as the kernel takes them, shape (vibrations,)."""
     vibrations, orders = evidence.vibrations, evidence.orders
     own = [v.line.share * left(v.line, evidence) for v in vibrations]
-    power = evidence.rms**2 * (1.0 - orders.synchronous_share)
     heard = orders.source == "refined" and orders.heard
     # what grows from rotation to rotation is many lines, too near to each other to be told: it counts as the strongest
     strongest = max(vibrations, key=lambda v: v.line.share, default=None) if orders.growth > 0.0 else None
@@ -163,7 +162,7 @@ def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
             # out of step is off the orders, whatever the speed; and all power is its but what there was before
             at_its_place = max(at_its_place, odds.off_found)
             dominance = max(dominance, 1.0 - math.exp(-2.0 * growth))
-        numbers += (*line[:-1], v.damping_ratio, at_its_place, dominance, growth, power)
+        numbers += (*line[:-1], v.damping_ratio, at_its_place, dominance, growth, evidence.power)
     return np.array(numbers, dtype=np.float64).view(LINE)
 
 
@@ -193,7 +192,7 @@ def left(line: Line, evidence: Evidence) -> float:
     orders = evidence.orders
     if not orders.lines and not orders.other_lines:
         return 1.0
-    here = line.share * evidence.rms**2 * (1.0 - orders.synchronous_share)
+    here = line.share * evidence.power
     lines = (*orders.lines, *orders.other_lines)
     taken = max((o.rms**2 for o in lines if abs(o.frequency_hz - line.frequency_hz) < LINE_WIDTH_HZ), default=0.0)
     return here / (here + taken) if here > 0.0 else 1.0

@@ -9,7 +9,7 @@ from chatter_monitor.discrepancy.chatter.conclude import ChatterDiagnosis
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.simulate import simulate
 from chatter_monitor.reports.diagnosis.document import document
-from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, RECORDED, bitmap, figure_of
+from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, RECORDED, figure_of, titled
 
 _SHOWN = 12  # periods
 _RUN_S = 6.0
@@ -52,4 +52,4 @@ def _picture(diagnosis: ChatterDiagnosis) -> str:
         right.plot(1e3 * np.arange(part.size) / rate, part, color=color, lw=0.9, label=label)
     middle.set(xlabel="Hz", ylabel="dB", title="spectrum where it stays")
     right.set(xlabel="ms", title="some periods of it")
-    return bitmap(figure, "Rise and limit")
+    return titled(figure, "Rise and limit")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.reports.page import embedded
+from chatter_monitor.reports.page import bitmap
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,7 +27,7 @@ def figure_of(rows: int) -> tuple[Figure, NDArray[np.object_]]:
     return figure, np.asarray(axes).ravel()
 
 
-def bitmap(figure: Figure, title: str) -> str:
+def titled(figure: Figure, title: str) -> str:
     """The picture under a heading, as HTML.
 
     Titles and labels stand where they are put, and there are few ticks, none of them small: to look for their places
@@ -43,6 +42,4 @@ def bitmap(figure: Figure, title: str) -> str:
         for axis in (axes.xaxis, axes.yaxis):
             if isinstance(locator := axis.get_major_locator(), MaxNLocator):
                 locator.set_params(nbins=_TICKS)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=80, format="png")
-    return f"<h2>{title}</h2><figure>{embedded(buffer.getvalue(), 'png', title)}</figure>"
+    return f"<h2>{title}</h2>{bitmap(figure, title, dpi=80)}"

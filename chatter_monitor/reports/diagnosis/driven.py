@@ -6,7 +6,7 @@ import numpy as np
 
 from chatter_monitor.discrepancy.driven.conclude import DrivenDiagnosis
 from chatter_monitor.reports.diagnosis.document import document
-from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, BASE, RECORDED, bitmap, figure_of
+from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, BASE, RECORDED, figure_of, titled
 
 SHOWN_S = 4.0
 _BINS = 40
@@ -48,4 +48,4 @@ def _picture(diagnosis: DrivenDiagnosis) -> str:
             axes.plot(centre, mean, color=color, lw=1.2, label=name)
             axes.fill_between(centre, mean - spread, mean + spread, color=color, alpha=0.2, lw=0)
         axes.set(xlabel=label, title=f"left of the force over the {label}: mean and spread")
-    return bitmap(figure, "Force balance")
+    return titled(figure, "Force balance")

@@ -10,7 +10,7 @@ from scipy import signal as dsp
 from chatter_monitor.discrepancy.basis import REACH, scales, surface_at
 from chatter_monitor.discrepancy.case import Case, Local
 from chatter_monitor.discrepancy.locate import frequency_map, lag_map
-from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, RECORDED, bitmap, figure_of
+from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, RECORDED, figure_of, titled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,7 +46,7 @@ def maps(case: Case) -> str:
         axes[4].axvline(1e3 * inn.linear.spindle.delay_s, color=AUGMENTED, ls="--", lw=0.8)
     axes[4].set(xlabel="lag, ms", ylabel="correlation, standard deviations", title=f"lag, p = {p['lag']:.2g}")
     _draw_angle(axes[5], case, p["angle"])
-    return bitmap(figure, "Where they differ")
+    return titled(figure, "Where they differ")
 
 
 def _draw_explained(axes: Axes, case: Case, local: Local, block: int) -> None:

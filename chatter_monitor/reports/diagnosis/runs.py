@@ -11,7 +11,7 @@ from scipy import signal as dsp
 from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.energy.identification import Identification
 from chatter_monitor.reports.diagnosis.by_energy import draw_damping, draw_frequency, draw_stiffness
-from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, BASE, RECORDED, bitmap, figure_of
+from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, BASE, RECORDED, figure_of, titled
 
 Vector = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def comparison(case: Case, runs: Mapping[str, Vector]) -> str:
     middle.set(xlabel="amplitude / rms", title="amplitudes", yscale="log", ylim=(1e-4, None))
     right.set(xlabel="amplitude / rms", ylabel="Hz", title="frequency of the first mode")
     left.legend(fontsize="small")
-    return bitmap(figure, "Recording and simulations")
+    return titled(figure, "Recording and simulations")
 
 
 def by_energy(found: Mapping[str, Identification]) -> str:
@@ -50,7 +50,7 @@ def by_energy(found: Mapping[str, Identification]) -> str:
     middle.set(xlabel="energy / mean", ylabel="Hz", title="frequency")
     right.set(xlabel="energy / mean", ylabel="%", title="equivalent damping ratio", ylim=(0.0, None))
     left.legend(fontsize="small")
-    return bitmap(figure, "Stiffness and damping by energy")
+    return titled(figure, "Stiffness and damping by energy")
 
 
 def backbone(run: Vector, rate_hz: float, mode_hz: float) -> tuple[Vector, Vector]:

@@ -8,7 +8,7 @@ from chatter_monitor.discrepancy.together.diagnose import Together
 from chatter_monitor.discrepancy.together.shared import inverse_speed
 from chatter_monitor.reports.diagnoses import WORDS
 from chatter_monitor.reports.diagnosis.document import document
-from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, RECORDED, bitmap, figure_of
+from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, RECORDED, figure_of, titled
 from chatter_monitor.reports.page import Link, table
 
 _PER_ROW = 3
@@ -76,7 +76,7 @@ def _damping(together: Together) -> str:
     right.axhspan(-1.96, 1.96, color="0.9", zorder=0)
     right.set(title="damping alone less shared, standard deviations")
     right.tick_params(axis="x", labelrotation=20, labelsize=8)
-    return bitmap(figure, "Damping over the speed")
+    return titled(figure, "Damping over the speed")
 
 
 def _spectra(together: Together) -> str:
@@ -97,4 +97,4 @@ def _spectra(together: Together) -> str:
     for axis in axes[count:]:
         axis.set_visible(False)
     axes[0].legend(fontsize="small")
-    return bitmap(figure, "Spectra")
+    return titled(figure, "Spectra")
