@@ -77,7 +77,7 @@ def draw(found: Results, path: Path) -> None:
         cost.loglog(*_over_first(growth), "o-", label=label, base=2)
     _linear(cost)
     cost.set(xlabel="over the least", ylabel="processor time over that at the least")
-    cost.legend(fontsize=7)
+    figure.legend(fontsize=7, loc="outside upper left", ncols=4)
     (flat,) = (growth for growth in found.growths if growth.along == MEMORY)
     gained_mb = flat.resident_mb or [0.0]
     memory.semilogx(flat.at, gained_mb, "o-", base=2)
