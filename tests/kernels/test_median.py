@@ -1,26 +1,31 @@
-"""Median by selection against sorting."""
+"""Medians against sorting."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from chatter_monitor.kernels.median import median, medians_where
+from chatter_monitor.kernels.median import median, median_of_many, medians_where
 
 
+@pytest.mark.parametrize("middle", [median, median_of_many])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("size", [1, 2, 3, 4, 11, 64, 639, 640])
-def test_median_is_the_upper_one_of_the_sorted(size, dtype):
-    """Of random values, many equal ones, ascending and descending ones, the median is the one that sorting finds."""
+def test_median_is_the_upper_one_of_the_sorted(size, dtype, middle):
+    """The median is the one that sorting finds: of random, equal, ascending, descending values, and some far apart."""
     rng = np.random.default_rng(size)
     random = rng.standard_normal(size).astype(dtype)
-    for values in (random, np.round(random), np.zeros(size, dtype), np.sort(random), -np.sort(random)):
-        assert median(values.copy()) == np.sort(values)[size // 2]
+    wild = np.sign(random) * np.exp(np.minimum(9.0 * random**2, 80.0))
+    for values in (random, np.round(random), np.zeros(size, dtype), np.sort(random), -np.sort(random), wild):
+        assert middle(values.copy()) == np.sort(values)[size // 2]
 
 
-def test_infinite_values_are_values():
+@pytest.mark.parametrize("middle", [median, median_of_many])
+@pytest.mark.parametrize("times", [1, 9])
+def test_infinite_values_are_values(middle, times):
     """Infinities take their places at the ends."""
-    assert median(np.array([np.inf, -np.inf, 1.0, np.inf, 2.0])) == 2.0
+    assert middle(np.array([np.inf, -np.inf, 1.0, np.inf, 2.0] * times)) == 2.0
+    assert middle(np.array([np.inf, 1.0, np.inf] * times)) == np.inf
 
 
 def test_values_that_stand_for_several_rows_are_looked_at_once():
