@@ -5,16 +5,21 @@ whether a transform saw samples at all. The amplitudes of a line lie side by sid
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from chatter_monitor.kernels.binding import bound
 from chatter_monitor.kernels.engagement import SINCE, engaged, fell, new_air
-from chatter_monitor.kernels.narrowband import FRAME_HOPS, beat, behaviour, variation_beside
+from chatter_monitor.kernels.lanes import as_lanes
+from chatter_monitor.kernels.narrowband import FRAME_HOPS, PARTS, beat, behaviour, put_in_order, variation_beside
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.prominence import TINY, crest, most_prominent, recent_power, share, stand_out
-from chatter_monitor.kernels.rise import news, rise
+from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
+from chatter_monitor.kernels.rise import compared, news, rise
+from chatter_monitor.kernels.transform import real_transform
 
 # A line that stands out neither twice nor half as much as before (natural logarithm of the amplitude).
 AS_BEFORE = 0.7
@@ -25,9 +30,9 @@ AS_BEFORE = 0.7
 BIN, SHARE, PROMINENCE, VARIATION, GROWTH, RISE, LONG_RISE, ABSOLUTE_RISE, COHERENCE, NEWS = range(10)
 MEASURES = 10
 
-# Indices of `LineState.counts`: hops taken, frames looked at, those of them that the signal has been alike for, and
-# those since the whole fell, as long as it has not come back.
-TAKEN, FRAMES, ALIKE, FALLEN = range(4)
+# Indices of `LineState.counts`: samples and hops taken, frames looked at, those of them that the signal has been alike
+# for, and those since the whole fell, as long as it has not come back.
+SAMPLES, TAKEN, FRAMES, ALIKE, FALLEN = range(5)
 
 
 class LineState(NamedTuple):
@@ -35,6 +40,12 @@ class LineState(NamedTuple):
 
     Attributes
     ----------
+    samples : ndarray of float64, shape (window + interval,)
+        The newest, in the order of time; NaN where they are missing.
+    window : ndarray of float64, shape (window,)
+        By which each stretch is multiplied before it is transformed.
+    stretches : ndarray of float64, shape (4, points / 2 + 1, FRAME_HOPS)
+        Work space for the stretches of a frame and their transforms, a lane each (`kernels.transform`).
     spectra : ndarray of complex128, shape (bins, hops)
         Phases referred to a common time.
     valid : ndarray of bool, shape (hops,)
@@ -54,12 +65,19 @@ class LineState(NamedTuple):
         Whether the tool was in the cut in each frame.
     air : ndarray of float64, shape (7,)
         What is known of the air (`kernels.engagement`).
-    counts : ndarray of int64, shape (4,)
+    counts : ndarray of int64, shape (5,)
     sums : ndarray of float64, shape (bins + 1,)
+    line : ndarray of float64, shape (PARTS, hops)
+        A line by itself (`kernels.narrowband`).
+    columns : ndarray of int64, shape (frames,)
+        Frames that it is compared with (`kernels.rise`).
     scratch : ndarray of float64, shape (max(hops, frames),)
-        Work space like the one before.
+        Work space, as the ones before.
     """
 
+    samples: np.ndarray
+    window: np.ndarray
+    stretches: np.ndarray
     spectra: np.ndarray
     valid: np.ndarray
     turns: np.ndarray
@@ -74,13 +92,19 @@ class LineState(NamedTuple):
     air: np.ndarray
     counts: np.ndarray
     sums: np.ndarray
+    line: np.ndarray
+    columns: np.ndarray
     scratch: np.ndarray
 
 
-def new_state(points: int, hops: int, frames: int) -> LineState:
-    """State without samples, for transforms of so many points, and rings of so many hops and frames."""
+def new_state(window: np.ndarray, interval: int, hops: int, frames: int) -> LineState:
+    """State without samples, for stretches under this window, whole frames of so many samples, and rings so long."""
+    points = 1 << math.ceil(math.log2(1.5 * len(window)))
     bins = points // 2 + 1
     return LineState(
+        samples=np.full(len(window) + interval, np.nan),
+        window=window,
+        stretches=np.zeros((4, bins, FRAME_HOPS)),
         spectra=np.zeros((bins, hops), np.complex128),
         valid=np.zeros(hops, np.bool_),
         turns=np.exp(-2j * np.pi * np.arange(points) / points),
@@ -93,65 +117,96 @@ def new_state(points: int, hops: int, frames: int) -> LineState:
         crests=np.zeros(frames),
         cutting=np.zeros(frames, np.bool_),
         air=new_air(),
-        counts=np.zeros(4, np.int64),
+        counts=np.zeros(5, np.int64),
         sums=np.zeros(bins + 1),
+        line=np.zeros((PARTS, hops)),
+        columns=np.zeros(frames, np.int64),
         scratch=np.zeros(max(hops, frames)),
     )
 
 
-@njit(**OPTIONS)
-def cut_out(samples, window, first, hop, largest, pieces, valid):
-    """Windowed stretches of samples, each a row of ``pieces[:, points]``, ``hop`` samples apart.
-
-    A stretch with samples that are missing or beyond ``largest`` is not valid; it is left as zeros. Returns whether
-    there is anything but zeros.
-    """
-    heard = False
-    for i in range(pieces.shape[0]):
-        begin = first + i * hop
-        whole = True
-        for t in range(window.shape[0]):
-            whole &= abs(samples[begin + t]) < largest
-            heard |= samples[begin + t] != 0.0
-            pieces[i, t] = samples[begin + t] * window[t]
-        valid[i] = whole
-        if not whole:
-            pieces[i, :] = 0.0
-    return heard
-
-
-@njit(**OPTIONS)
-def follow(transforms, valid, start, hop, lowest, turns, fainter, state, peaks, measures):
-    """Take in the transforms of a frame, find its most prominent lines and describe each.
+def finding(
+    hop: int, lowest: int, state: LineState, peaks: np.ndarray, measures: np.ndarray
+) -> Callable[[np.ndarray, bool, bool, bool], int]:
+    """How the lines of a frame are found.
 
     Parameters
     ----------
-    transforms : ndarray of complex128, shape (n, bins)
-        Oldest first; those of a shorter frame are fewer than of others.
-    valid : ndarray of bool, shape (n,)
-        Which of them hold samples.
-    start, hop : int
-        Index of the first one's first sample, and samples from one to the next.
+    hop : int
+        Samples from one stretch that is transformed to the next.
     lowest : int
         First bin that counts as vibration.
-    turns : bool
-        Whether something that turns has been taken out.
-    fainter : bool
-        Whether most of what is heard goes on, fainter.
     state : LineState
-        Changed in place.
+        To be changed in place.
     peaks : ndarray of int64, shape (lines,)
         Work space, one for each line at most.
     measures : ndarray of float64, shape (lines, MEASURES)
-        The result, a row for each line.
+        To be left with the result, a row for each line.
 
     Returns
     -------
-    int
-        How many lines there are.
+    callable
+        Of the frame's samples, contiguous float64, shape (n,), NaN where they are missing; of whether the signal is
+        alike to what it was, whether something that turns has been taken out of it, and whether most of what is heard
+        goes on, fainter. Returns how many lines there are.
     """
+    machine_code = bound(_find, state.window, False, False, False, hop, lowest, state, peaks, measures)
+    return lambda signal, alike, turns, fainter: machine_code(
+        signal, alike, turns, fainter, hop, lowest, state, peaks, measures
+    )
+
+
+@njit(**OPTIONS)
+def _find(signal, alike, turns, fainter, hop, lowest, state, peaks, measures):
+    if not alike:
+        state.counts[ALIKE] = 0
+    _take(signal, hop, state)
+    return _follow(hop, lowest, turns, fainter, state, peaks, measures)
+
+
+@njit(**OPTIONS)
+def _take(signal, hop, state):
+    """Transform the stretches that end in a frame, and put them into the ring, their phases referred to a common time.
+
+    A stretch with samples that are missing or beyond `LARGEST_SAMPLE` is not valid; it is left as zeros.
+    """
+    samples, window, spectra, turns, counts = state.samples, state.window, state.spectra, state.turns, state.counts
+    n = signal.shape[0]
+    kept = samples.shape[0] - n
+    for t in range(kept):
+        samples[t] = samples[t + n]
+    for t in range(n):
+        samples[kept + t] = signal[t]
+    counts[SAMPLES] += n
+    state.stretches[:2] = 0.0
+    hops = n // hop
+    heard = False
+    for i in range(hops):  # the last one ends with the frame
+        stretch = samples[samples.shape[0] - (hops - 1 - i) * hop - window.shape[0] :]
+        whole = True
+        for t in range(window.shape[0]):
+            whole &= abs(stretch[t]) < LARGEST_SAMPLE
+            heard |= stretch[t] != 0.0
+        for t in range(window.shape[0] if whole else 0):
+            state.stretches[t % 2, t // 2, i] = stretch[t] * window[t]
+        state.valid[(counts[TAKEN] + i) % state.valid.shape[0]] = whole
+    re, im = as_lanes(state.stretches[0], FRAME_HOPS), as_lanes(state.stretches[1], FRAME_HOPS)
+    if heard:
+        work_re, work_im = as_lanes(state.stretches[2], FRAME_HOPS), as_lanes(state.stretches[3], FRAME_HOPS)
+        real_transform(re, im, work_re, work_im, turns)
+    for i in range(hops):
+        column = counts[TAKEN] % state.valid.shape[0]
+        counts[TAKEN] += 1
+        ends = counts[SAMPLES] - (hops - 1 - i) * hop
+        for b in range(spectra.shape[0]):
+            transform = complex(state.stretches[0, b, i], state.stretches[1, b, i])
+            spectra[b, column] = transform * turns[b * ends % turns.shape[0]]
+
+
+@njit(**OPTIONS)
+def _follow(hop, lowest, turns, fainter, state, peaks, measures):
+    """Find the most prominent lines of the newest transforms and describe each."""
     spectra, power, reliefs, relief, counts = state.spectra, state.power, state.reliefs, state.relief, state.counts
-    _take(transforms, valid, start, hop, state)
     if recent_power(spectra, state.valid, counts[TAKEN], FRAME_HOPS, power) == 0:
         return 0
     frames = reliefs.shape[1]
@@ -175,46 +230,29 @@ def follow(transforms, valid, start, hop, lowest, turns, fainter, state, peaks, 
         state.powers[b, column] = state.sums[b + 1] - state.sums[b]
     counts[FALLEN] = counts[FALLEN] + 1 if fell(state.totals, counts[FRAMES], state.air, state.scratch) else 0
     known = min(frames, counts[ALIKE])
-    recent = min(state.valid.shape[0] // FRAME_HOPS, known)
     since = state.air[SINCE]
+    # how many frames a line is compared with: of all that is known, of this cut, of a second, of those since it fell
+    columns, cut = state.columns, (state.levels, state.cutting, counts[FRAMES])
+    here = compared(*cut, int(min(known, since)), columns)
+    recent = compared(*cut, min(state.valid.shape[0] // FRAME_HOPS, known), columns)
+    fallen = compared(*cut, min(counts[FALLEN], known), columns)
+    long = compared(*cut, known, columns)
     for i in range(count):
-        b, out = peaks[i], measures[i]
+        b, out, line, scratch = peaks[i], measures[i], state.line, state.scratch
+        put_in_order(spectra[b], state.valid, counts[TAKEN], line)
         out[SHARE] = share(power, total, b)
-        out[VARIATION], out[GROWTH], out[COHERENCE] = behaviour(spectra[b], state.valid, counts[TAKEN], state.scratch)
-        out[BIN] = b + beat(spectra[b], state.valid, counts[TAKEN], state.turns.shape[0] / hop, crest(power, b))
+        out[VARIATION], out[GROWTH], out[COHERENCE] = behaviour(line, scratch)
+        out[BIN] = b + beat(line, state.turns.shape[0] / hop, crest(power, b))
         out[PROMINENCE] = relief[b]
-        out[RISE] = rise(reliefs, state.levels, state.cutting, since, counts[FRAMES], recent, b, state.scratch)
-        out[LONG_RISE] = rise(reliefs, state.levels, state.cutting, since, counts[FRAMES], known, b, state.scratch)
-        out[ABSOLUTE_RISE] = rise(
-            state.powers, state.levels, state.cutting, since, counts[FRAMES], known, b, state.scratch
-        )
+        out[RISE] = rise(reliefs, columns[:recent], min(here, recent), b, scratch)
+        out[LONG_RISE] = rise(reliefs, columns[:long], here, b, scratch)
+        out[ABSOLUTE_RISE] = rise(state.powers, columns[:long], here, b, scratch)
         if 0 < counts[FALLEN] < known:  # nothing has risen out of what was louder
-            fallen = counts[FALLEN]
-            above = rise(reliefs, state.levels, state.cutting, since, counts[FRAMES], fallen, b, state.scratch)
+            above = rise(reliefs, columns[:fallen], min(here, fallen), b, scratch)
             out[RISE], out[LONG_RISE] = min(out[RISE], above), min(out[LONG_RISE], above)
-            above = rise(state.powers, state.levels, state.cutting, since, counts[FRAMES], fallen, b, state.scratch)
+            above = rise(state.powers, columns[:fallen], min(here, fallen), b, scratch)
             out[ABSOLUTE_RISE] = min(out[ABSOLUTE_RISE], above)
         if abs(out[LONG_RISE]) < AS_BEFORE:  # it may go with the rest
-            beside = variation_beside(
-                spectra[b], state.valid, counts[TAKEN], state.levels, counts[FRAMES], state.scratch
-            )
-            out[VARIATION] = min(out[VARIATION], beside)
-        out[NEWS] = news(reliefs, state.cutting, since, counts[FRAMES], known, b, state.scratch)
+            out[VARIATION] = min(out[VARIATION], variation_beside(line, state.levels, counts[FRAMES], scratch))
+        out[NEWS] = news(reliefs, state.cutting, since, counts[FRAMES], known, b, scratch)
     return count
-
-
-@njit(**OPTIONS)
-def _take(transforms, valid, start, hop, state):
-    """Put transforms into the ring, their phases referred to a common time."""
-    spectra, turns, counts = state.spectra, state.turns, state.counts
-    points = turns.shape[0]
-    for i in range(transforms.shape[0]):
-        column = counts[TAKEN] % state.valid.shape[0]
-        step = (start + i * hop) % points
-        turn = 0
-        for b in range(transforms.shape[1]):
-            spectra[b, column] = transforms[i, b] * turns[turn]
-            turn += step
-            turn -= points if turn >= points else 0
-        state.valid[column] = valid[i]
-        counts[TAKEN] += 1

@@ -15,3 +15,5 @@ OPTIONS: dict[str, Any] = {
 # Of kernels in lanes: a product and a sum are joined where the source says so, not where the compiler likes, which
 # might differ with the number of lanes.
 EXACT: dict[str, Any] = {**OPTIONS, "fastmath": {"nsz"}}
+# Of kernels that add up many numbers, in whatever order is soonest done.
+SUMS: dict[str, Any] = {**OPTIONS, "fastmath": OPTIONS["fastmath"] | {"reassoc"}}

@@ -4,7 +4,7 @@ import math
 
 from numba import njit
 
-from chatter_monitor.kernels.median import median
+from chatter_monitor.kernels.median import median_of_many
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.rings import before
 
@@ -15,49 +15,78 @@ SILENCE = 5.8
 
 
 @njit(**OPTIONS)
-def rise(heights, levels, cutting, since, head, frames, b, scratch):
-    """Half the height of a bin, less its median over the last frames: growth, of prominences that which is not shared.
+def compared(levels, cutting, head, frames, columns):
+    """Columns of the last frames that a line is compared with, the newest first; returns how many there are.
 
     Frames in which nothing was cut, or in which there was next to silence, do not count: what begins has not risen from
-    them. What has grown has risen above what it was since the tool entered, and above what it was in the cuts before.
+    them. There are none while nothing is cut.
 
     Parameters
     ----------
-    heights : ndarray, shape (bins, columns)
-        Ring of prominences (`prominence.stand_out`) or of logarithms of the power, a column for each frame.
-    levels : ndarray, shape (columns,)
-        Mean logarithm of the power in each of these frames.
-    cutting : ndarray of bool, shape (columns,)
+    levels : ndarray, shape (size,)
+        Ring: mean logarithm of the power in each frame.
+    cutting : ndarray of bool, shape (size,)
         Whether the tool was in the cut.
-    since : float
-        Frames since nothing was cut.
     head : int
         Column after the newest, counted from the start without wrapping.
     frames : int
         How far to look back.
+    columns : ndarray of int64, shape (>= frames,)
+        The result.
+    """
+    size = levels.shape[0]
+    column = head % size
+    newest = before(column, size)
+    if not cutting[newest]:
+        return 0
+    silence = levels[newest] - SILENCE
+    count = 0
+    for _ in range(min(frames, head, size)):  # without a branch
+        column = before(column, size)
+        columns[count] = column
+        count += cutting[column] and levels[column] > silence
+    return count
+
+
+@njit(**OPTIONS)
+def rise(heights, columns, here, b, scratch):
+    """Half the height of a bin, less its median over the last frames: growth, of prominences that which is not shared.
+
+    What has grown has risen above what it was since the tool entered, and above what it was in the cuts before.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (bins, size)
+        Ring of prominences (`prominence.stand_out`) or of logarithms of the power, a column for each frame.
+    columns : ndarray of int64, shape (n,)
+        Of the frames that count (`compared`).
+    here : int
+        How many of them are since the tool entered.
     b : int
-        The bin; what stands out one bin aside is the same line.
-    scratch : ndarray, shape (>= columns,)
+        The bin.
+    scratch : ndarray, shape (>= n,)
         Work space.
     """
-    columns = heights.shape[1]
-    column = head % columns
-    newest = before(column, columns)
-    if not cutting[newest]:
+    if columns.shape[0] == 0:
         return 0.0
-    silence = levels[newest] - SILENCE
-    count = here = 0
-    for back in range(min(frames, head, columns)):
-        column = before(column, columns)
-        if cutting[column] and levels[column] > silence:
-            scratch[count] = max(heights[b - 1, column], heights[b, column], heights[b + 1, column])
-            count += 1
-            here += back < since
-    height = scratch[0]
-    usual = median(scratch[:here])
-    if here < count:
-        usual = max(usual, median(scratch[:count]))
+    height, usual = _newest_and_median(heights, columns, b, scratch)
+    if here < columns.shape[0]:
+        usual = max(usual, _newest_and_median(heights, columns[:here], b, scratch)[1])
     return 0.5 * (height - usual)
+
+
+@njit(**OPTIONS)
+def _newest_and_median(heights, columns, b, scratch):
+    """Height of a bin in the newest of some frames, and median over them."""
+    for i in range(columns.shape[0]):
+        scratch[i] = _height(heights, b, columns[i])
+    return scratch[0], median_of_many(scratch[: columns.shape[0]])
+
+
+@njit(inline="always", **OPTIONS)
+def _height(heights, b, column):
+    """Height of a bin in a frame: what stands out one bin aside is the same line."""
+    return max(heights[b - 1, column], heights[b, column], heights[b + 1, column])
 
 
 @njit(**OPTIONS)
@@ -78,10 +107,9 @@ def news(heights, cutting, since, head, frames, b, scratch):
         for _ in range(int(since), known):
             column = before(column, columns)
             if cutting[column] == cut and (cut or count < HEARD):
-                scratch[count] = max(heights[b - 1, column], heights[b, column], heights[b + 1, column])
+                scratch[count] = _height(heights, b, column)
                 count += 1
         if count < HEARD:
             return 0.0
-        usual = max(usual, median(scratch[:count]))
-    height = max(heights[b - 1, newest], heights[b, newest], heights[b + 1, newest])
-    return 0.5 * (height - usual)
+        usual = max(usual, median_of_many(scratch[:count]))
+    return 0.5 * (_height(heights, b, newest) - usual)

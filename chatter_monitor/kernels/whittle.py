@@ -18,7 +18,7 @@ import math
 
 from numba import njit
 
-from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.options import SUMS
 
 # Indices into the parameters
 LOG_GAIN, SLOPE, LOG_OMEGA, LOG_ZETA, KAPPA, LOG_TAU, LOG_FLOOR = range(7)
@@ -45,8 +45,6 @@ SIGNAL = ROOM  # from the logarithm of the frequency on
 PERIODOGRAM, COUNTS, SPECTRUM, FACTOR, EXCESS, SLOPES = (BETWEEN + (PARAMETERS + i) * ROOM for i in range(6))
 WORK = SLOPES + PARAMETERS * ROOM
 TOGETHER = 4  # factors whose product is far from underflow
-
-SUMS = {**OPTIONS, "fastmath": OPTIONS["fastmath"] | {"reassoc"}}
 
 
 @njit(inline="always", **SUMS)

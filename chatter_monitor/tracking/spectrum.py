@@ -7,13 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 from chatter_monitor.kernels import lines
 from chatter_monitor.kernels.engagement import ENTERED, LONGEST, SINCE
 from chatter_monitor.kernels.kinds import COHERENCE_LAG_S, coherence_damping
 from chatter_monitor.kernels.narrowband import FRAME_HOPS
-from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
 
 # 25 ms tell lines 40 Hz apart and follow an amplitude that grows e-fold within that time. What is compared for the
 # coherence has no samples in common.
@@ -97,25 +95,18 @@ class Spectrum:
     """
 
     def __init__(self, sample_rate_hz: float, interval: int) -> None:
-        self._hop = interval // FRAME_HOPS
-        self._hop_s = self._hop / sample_rate_hz
-        self._window = np.hanning(round(WINDOW_S * sample_rate_hz) + 1)[:-1]
-        points = 1 << int(np.ceil(np.log2(1.5 * len(self._window))))
-        self._bin_hz = sample_rate_hz / points
-        self._lowest = round(LOWEST_HZ / self._bin_hz)
-        hops = round(HISTORY_S / self._hop_s)
-        self._state = lines.new_state(points, hops, round(LONG_S * hops / HISTORY_S) // FRAME_HOPS)
-        self._taken = 0
-        # the last window of the frame before, and the frame
-        self._samples = np.full(len(self._window) + interval, np.nan)
-        self._end = len(self._window)
-        self._pieces = np.zeros((FRAME_HOPS, points))
-        self._silence = np.zeros((FRAME_HOPS, points // 2 + 1), complex)
-        self._valid = np.zeros(FRAME_HOPS, np.bool_)
-        self._peaks = np.zeros(LINES, np.int64)
+        hop = interval // FRAME_HOPS
+        hop_s = hop / sample_rate_hz
+        hops = round(HISTORY_S / hop_s)
+        window = np.hanning(round(WINDOW_S * sample_rate_hz) + 1)[:-1]
+        self._state = lines.new_state(window, interval, hops, round(LONG_S * hops / HISTORY_S) // FRAME_HOPS)
         self._measures = np.zeros((LINES, lines.MEASURES))
+        bin_hz = sample_rate_hz / len(self._state.turns)
         self._units = np.ones(lines.MEASURES)  # of the kernel, which counts in bins and hops
-        self._units[[lines.BIN, lines.PROMINENCE, lines.GROWTH]] = self._bin_hz, DECIBELS, 1.0 / self._hop_s
+        self._units[[lines.BIN, lines.PROMINENCE, lines.GROWTH]] = bin_hz, DECIBELS, 1.0 / hop_s
+        self._find = lines.finding(
+            hop, round(LOWEST_HZ / bin_hz), self._state, np.zeros(LINES, np.int64), self._measures
+        )
 
     @property
     def cutting(self) -> bool:
@@ -144,20 +135,5 @@ class Spectrum:
         fainter : bool
             Whether most of what is heard goes on, fainter: the cut has got lighter, and the tool has not left.
         """
-        if not alike:
-            self._state.counts[lines.ALIKE] = 0
-        width = len(self._window)
-        self._samples[:width] = self._samples[self._end - width : self._end]
-        self._end = width + len(signal)
-        self._samples[width : self._end] = signal
-        hops = len(signal) // self._hop
-        first = len(signal) - hops * self._hop + self._hop  # the last window ends with the frame
-        pieces, valid = self._pieces[:hops], self._valid[:hops]
-        heard = lines.cut_out(self._samples, self._window, first, self._hop, LARGEST_SAMPLE, pieces, valid)
-        transforms = fft.rfft(pieces) if heard else self._silence[:hops]
-        start = self._taken + first
-        self._taken += len(signal)
-        count = lines.follow(
-            transforms, valid, start, self._hop, self._lowest, turns, fainter, self._state, self._peaks, self._measures
-        )
+        count = self._find(np.ascontiguousarray(signal, np.float64), alike, turns, fainter)
         return [Line._make(measures) for measures in (self._measures[:count] * self._units).tolist()]
