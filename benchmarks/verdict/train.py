@@ -123,7 +123,7 @@ def alarms(intervals: list[Evidence], rules: Rules) -> NDArray[np.bool_]:
         if evidence.held:
             following.rest()
         elif not evidence.starting:
-            found[i] = any(vibration.alarm_for for vibration in following.follow(evidence, rules))
+            found[i] = following.follow(evidence, rules).alarm is not None
     return found
 
 

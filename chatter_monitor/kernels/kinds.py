@@ -29,6 +29,9 @@ LARGEST_RISE, MOST_TELLING = 3.5, 24.0
 # A lone line lifts the level around it by 0.12 to 0.17 of its own rise (logarithms).
 SKIRTS = 0.15
 
+# Coefficient of variation of the modulus of narrow-band noise, which is Rayleigh distributed.
+NOISE_VARIATION = math.sqrt(4.0 / math.pi - 1.0)
+
 MEASURES = 11
 # Lag of the coherence of a line.
 COHERENCE_LAG_S = 0.025
@@ -145,6 +148,16 @@ def measures(line):
 def coherence_damping(coherence, frequency_hz):
     """Damping ratio of a mode that noise drives and that is as coherent: exp(-zeta omega t)."""
     return -math.log(min(max(coherence, 1e-6), 1.0)) / (2.0 * math.pi * frequency_hz * COHERENCE_LAG_S)
+
+
+@njit(**OPTIONS)
+def steady_share(share, variation):
+    """Share of the power that is in a line and does not come and go as that of noise does.
+
+    The modulus of noise varies by `NOISE_VARIATION`; that of a tone in noise is Rician, and of a tone that has the
+    share s of the line about s^2 is heard as steady. So what noise looks like by chance counts little.
+    """
+    return share * (1.0 - (variation / NOISE_VARIATION) ** 2) if 0.0 < variation < NOISE_VARIATION else 0.0
 
 
 @njit(**OPTIONS)

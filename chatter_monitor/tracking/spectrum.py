@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from chatter_monitor.kernels import lines
 from chatter_monitor.kernels.engagement import ENTERED, LONGEST, SINCE
-from chatter_monitor.kernels.kinds import COHERENCE_LAG_S, coherence_damping
+from chatter_monitor.kernels.kinds import COHERENCE_LAG_S, coherence_damping, steady_share
 from chatter_monitor.kernels.narrowband import FRAME_HOPS
 
 # 25 ms tell lines 40 Hz apart and follow an amplitude that grows e-fold within that time. What is compared for the
@@ -24,8 +24,6 @@ DECIBELS = 10.0 / math.log(10.0)
 LINES = 5
 # What is below is offset and drift.
 LOWEST_HZ = 50.0
-# Coefficient of variation of the modulus of narrow-band noise, which is Rayleigh distributed.
-NOISE_VARIATION = math.sqrt(4.0 / math.pi - 1.0)
 
 
 class Line(NamedTuple):
@@ -69,13 +67,8 @@ class Line(NamedTuple):
 
     @property
     def steady_share(self) -> float:
-        """Share of the power that is in this line and does not come and go as that of noise does.
-
-        The modulus of noise varies by `NOISE_VARIATION`; that of a tone in noise is Rician, and of a tone that has the
-        share s of the line about s^2 is heard as steady. So what noise looks like by chance counts little.
-        """
-        known = 0.0 < self.variation < NOISE_VARIATION
-        return self.share * (1.0 - (self.variation / NOISE_VARIATION) ** 2) if known else 0.0
+        """Share of the power that is in this line and does not come and go as that of noise does."""
+        return float(steady_share(self.share, self.variation))
 
     @property
     def damping_ratio(self) -> float:

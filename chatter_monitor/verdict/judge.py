@@ -14,7 +14,7 @@ from chatter_monitor.kernels.vibrations import Rules
 from chatter_monitor.records import Flag, State, Verdict
 from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Vibration, probability_below, spindle_order
-from chatter_monitor.verdict.vibrations import Followed, Following, repeating_share, steady_share
+from chatter_monitor.verdict.vibrations import Following, Told, repeating_share, steady_share
 
 # States in which a cut has no margin: none is made, nothing is known, or there is nothing left of it.
 WITHOUT_MARGIN = ("idle", "unknown", "self_excited")
@@ -92,8 +92,8 @@ class Memory(NamedTuple):
     ----------
     loudest : float
         Largest rms, forgotten with a time constant of a minute.
-    vibrations : tuple of Followed
-        What each vibration is, the most suspicious first.
+    told : Told
+        What is told of the vibrations that are followed.
     synchronous : float
         Share of the power that turns with the spindle, averaged over some intervals.
     steady : float
@@ -109,18 +109,13 @@ class Memory(NamedTuple):
     """
 
     loudest: float = 0.0
-    vibrations: tuple[Followed, ...] = ()
+    told: Told = Told()
     synchronous: float = 0.0
     steady: float = 0.0
     repeating: float = 0.0
     forced_share: float = 0.0
     forced: bool = False
     undamped: bool = False
-
-    @property
-    def alarm(self) -> Followed | None:
-        """What the running alarm is about: the vibration that it began with."""
-        return max((v for v in self.vibrations if v.alarm_for), key=lambda v: v.alarm_for, default=None)
 
 
 class Opinion(NamedTuple):
@@ -134,11 +129,10 @@ class Opinion(NamedTuple):
 
 def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opinion:
     """What an interval is, given what has been followed so far."""
-    alarm = memory.alarm
+    _, alarm, suspect, *_ = memory.told
     if alarm is not None:
         return Opinion("self_excited", alarm.self_excited, reasons.chatter(alarm, evidence.orders.growth), alarm.heard)
-    suspect = next((v for v in memory.vibrations if v.heard is not None), None)
-    calm = 1.0 - (memory.vibrations[0].self_excited if memory.vibrations else 0.0)  # of the most suspicious
+    calm = 1.0 - memory.told.suspicion
     forced = _forced_by(memory.forced_share)
     if memory.synchronous > MOST:
         return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
@@ -183,11 +177,6 @@ def _forced_by(share: float) -> float:
     return FORCED_WITH_NONE + (1.0 - FORCED_WITH_NONE) / (1.0 + math.exp((HALF_WAY - share) / SHARE_DOUBT))
 
 
-def _steadiest(memory: Memory) -> Followed | None:
-    """Of the vibrations that are heard, the one with most steady power."""
-    return max((v for v in memory.vibrations if v.steady_share), key=lambda v: v.steady_share, default=None)
-
-
 def _stable_or_near(evidence: Evidence, memory: Memory, sure: float, settings: JudgeSettings) -> Opinion:
     """Among what neither is chatter nor forced: how much is left."""
     margin, mode = evidence.margin, evidence.critical
@@ -198,7 +187,9 @@ def _stable_or_near(evidence: Evidence, memory: Memory, sure: float, settings: J
         return Opinion("stable", sure, ("no mode stands out",))
     where = f"damping {reasons.damping(mode)} at {mode.frequency_hz:.0f} Hz"
     # One interval, the second of a recording above all, says little that the next does not take back.
-    if memory.undamped and _is_undamped(evidence, settings) and not _is_forced(mode, memory):
+    # What something forces reads as undamped.
+    undamped = memory.undamped and _is_undamped(evidence, settings)
+    if undamped and not memory.told.is_forced(mode.frequency_hz, SAME_VIBRATION):
         return Opinion("approaching", WARNING_RIGHT * sure, (where,))
     return Opinion("stable", sure, (where,))
 
@@ -209,18 +200,11 @@ def _is_undamped(evidence: Evidence, settings: JudgeSettings) -> bool:
     return mode is not None and probability_below(mode, settings.approaching_damping) >= settings.certainty
 
 
-def _is_forced(mode: ModeEvidence, memory: Memory) -> bool:
-    """Whether a mode is where something forces a vibration: that reads as undamped."""
-    return any(
-        v.forced > 0.5 and abs(math.log(v.frequency_hz / mode.frequency_hz)) < SAME_VIBRATION for v in memory.vibrations
-    )
-
-
 def _why_forced(
     evidence: Evidence, memory: Memory, settings: JudgeSettings
 ) -> tuple[tuple[str, ...], Vibration | None]:
     """Why most of the power is forced, and by which vibration: what is steady, where that alone would be enough."""
-    strongest = _steadiest(memory)
+    strongest = memory.told.steadiest
     turns = strongest is None or memory.synchronous > 0.5 * memory.forced_share
     vibration = None if strongest is None or turns else strongest.heard
     if _stands_for(memory.steady) > settings.forced_share:
@@ -265,13 +249,15 @@ class Judge:
         if deaf:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif (quiet := _quiet(evidence, memory, settings)) is not None:
-            memory = memory._replace(vibrations=self._following.rest())
+            self._following.rest()
+            memory = memory._replace(told=Told())
             view = Opinion("idle", 0.95, (quiet,))
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         elif evidence.entering:
-            repeating = repeating_share(evidence.orders, ())
-            memory = memory._replace(vibrations=self._following.rest(), repeating=repeating, forced_share=repeating)
+            self._following.rest()
+            repeating = repeating_share(evidence.orders, Told())
+            memory = memory._replace(told=Told(), repeating=repeating, forced_share=repeating)
             view = _entering(memory, settings)
         else:
             memory = self._follow(memory, evidence)
@@ -283,12 +269,12 @@ class Judge:
     def _follow(self, memory: Memory, evidence: Evidence) -> Memory:
         """Follow what an interval shows."""
         rules = Rules(self._settings.alarm_probability, self._settings.calm_probability)
-        vibrations = self._following.follow(evidence, rules)
+        told = self._following.follow(evidence, rules)
         synchronous = evidence.orders.synchronous_share
-        steady = memory.steady + AVERAGING * (steady_share(synchronous, vibrations) - memory.steady)
-        repeating = repeating_share(evidence.orders, vibrations)
+        steady = memory.steady + AVERAGING * (steady_share(synchronous, told) - memory.steady)
+        repeating = repeating_share(evidence.orders, told)
         return memory._replace(
-            vibrations=vibrations,
+            told=told,
             synchronous=memory.synchronous + AVERAGING * (synchronous - memory.synchronous),
             steady=steady,
             repeating=repeating,

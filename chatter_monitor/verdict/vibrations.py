@@ -3,21 +3,23 @@
 Two questions are kept apart. Has it risen and stayed? The chain of `kernels.kinds` answers that. And does something
 that turns explain it? A forced line rises, too, when the tool enters the cut, but it is on an order of the spindle, and
 one among others; chatter takes nearly all of the power. Self-excited is what has risen and is not explained; the answer
-changes when the speed becomes known. What an interval does to a vibration is told in `kernels.vibrations`.
+changes when the speed becomes known. What an interval does to a vibration is told in `kernels.vibrations`; of all that
+are followed only those become objects that something is said about.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.kernels import vibrations as kernel
+from chatter_monitor.kernels import overview as kernel
+from chatter_monitor.kernels.binding import bound
 from chatter_monitor.kernels.kinds import LINE, Kinds
-from chatter_monitor.kernels.vibrations import Odds, Rules
+from chatter_monitor.kernels.overview import NONE
+from chatter_monitor.kernels.vibrations import CALMED, FORGOTTEN_CHATTER, NO_LINE, VIBRATION, Odds, Rules
 from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict.evidence import LINE_WIDTH_HZ, Evidence, Vibration
@@ -32,8 +34,7 @@ OVERTONES, OVERTONE_HZ = 5, 8.0
 # Vibrations that there is room for at first.
 ROOM = 64
 
-# What is told of a vibration: the other fields are the kernel's business, and each takes its time to become an object.
-_TOLD = ("line", *Kinds._fields, "frequency_hz", "unexplained", "alarm_for", "chattered")
+NO_LINES = np.empty(0, LINE)
 _WEIGHTS = np.array([(*weights.per_measure, weights.offset) for weights in (GROWTH, CALM)])
 
 
@@ -68,15 +69,33 @@ class Followed(NamedTuple):
         """Probability that it has risen and nothing that turns explains it."""
         return self.kinds.risen * self.unexplained
 
-    @property
-    def forced(self) -> float:
-        """Probability that something forces it: steady from the start, or risen and explained."""
-        return self.kinds.steady + self.kinds.risen * (1.0 - self.unexplained)
 
-    @property
-    def steady_share(self) -> float:
-        """Share of the power that is steady in it; none of what has chattered, for that dies down as calmly."""
-        return 0.0 if self.heard is None or self.chattered else self.heard.line.steady_share
+class Told(NamedTuple):
+    """What is told of all vibrations of an interval (`kernels.overview`).
+
+    Attributes
+    ----------
+    suspicion : float
+        Probability that the most suspicious has risen and nothing that turns explains it.
+    alarm, suspect, steadiest : Followed or None
+        The one that the running alarm began with; the most suspicious that is heard; that with most steady power.
+    steady_share, chattered_share : float
+        Shares of the power that are steady, and in lines of what has chattered.
+    vibrations : ndarray of VIBRATION
+        All of them, the most suspicious first, until the next interval.
+    """
+
+    suspicion: float = 0.0
+    alarm: Followed | None = None
+    suspect: Followed | None = None
+    steadiest: Followed | None = None
+    steady_share: float = 0.0
+    chattered_share: float = 0.0
+    vibrations: NDArray[np.void] = np.empty(0, VIBRATION)
+
+    def is_forced(self, frequency_hz: float, reach: float) -> bool:
+        """Whether there is a forced vibration within so much of a frequency (natural logarithm)."""
+        return bool(kernel.forced_at(self.vibrations, frequency_hz, reach))
 
 
 class Following:
@@ -84,62 +103,66 @@ class Following:
 
     def __init__(self) -> None:
         self._known = 0  # of the vibrations, the most suspicious first; behind them there is room for more
-        self._use(*np.empty((2, ROOM), kernel.VIBRATION))
+        self._vibrations, self._work = np.empty((2, ROOM), VIBRATION)
+        self._taken = np.empty(ROOM, np.bool_)
+        rules = Rules(0.5, 0.5)
+        self._another_interval = bound(
+            kernel.another_interval, self._vibrations, 0, NO_LINES, rules, _WEIGHTS, self._taken, self._work
+        )
 
-    def _use(self, vibrations: NDArray[np.void], work: NDArray[np.void]) -> None:
-        """Use this memory from now on."""
-        self._vibrations, self._work = vibrations, work
-        self._taken = np.empty(len(vibrations), np.bool_)
-        self._told = [vibrations[name] for name in _TOLD]  # numbers are read several times faster than records of them
-
-    def follow(self, evidence: Evidence, rules: Rules) -> tuple[Followed, ...]:
-        """Vibrations after another interval, the most suspicious first."""
+    def follow(self, evidence: Evidence, rules: Rules) -> Told:
+        """Follow them through another interval."""
         lines = lines_of(evidence, rules.odds)
         self._make_room(len(lines))
-        self._known = kernel.follow_all(self._vibrations, self._known, lines, rules, _WEIGHTS, self._taken, self._work)
-        return self._followed(evidence.vibrations)
+        self._known, (suspicion, *numbers, steady, chattered) = self._another_interval(
+            self._vibrations, self._known, lines, rules, _WEIGHTS, self._taken, self._work
+        )
+        alarm, suspect, steadiest = (
+            None if number == NONE else self._followed(number, evidence.vibrations) for number in numbers
+        )
+        return Told(suspicion, alarm, suspect, steadiest, steady, chattered, self._vibrations[: self._known])
 
     def _make_room(self, lines: int) -> None:
         """Take more memory, if that many lines may be more than there is room for."""
         size = len(self._vibrations)
         if self._known + lines > size:
-            more = np.concatenate([self._vibrations, np.empty(size, kernel.VIBRATION)])
-            self._use(more, np.empty_like(more))
+            self._vibrations = np.concatenate([self._vibrations, np.empty(size, VIBRATION)])
+            self._work, self._taken = np.empty_like(self._vibrations), np.empty(2 * size, np.bool_)
 
-    def rest(self) -> tuple[Followed, ...]:
-        """What is remembered while nothing is cut: which vibrations have chattered."""
+    def rest(self) -> None:
+        """Remember, while nothing is cut, only which vibrations have chattered."""
         known = self._vibrations[: self._known]
-        known = known[known["chattered"] & (known["over"] < kernel.FORGOTTEN_CHATTER)]
-        for name, probability in zip(Kinds._fields, kernel.CALMED, strict=True):
+        known = known[known["chattered"] & (known["over"] < FORGOTTEN_CHATTER)]
+        for name, probability in zip(Kinds._fields, CALMED, strict=True):
             known[name] = probability
         known["missed"] += 1
         known["over"] += 1
         known["alarm_for"] = 0
-        known["line"] = kernel.NO_LINE
+        known["line"] = NO_LINE
         self._known = len(known)
         self._vibrations[: self._known] = known
-        return self._followed(())
 
-    def _followed(self, heard: tuple[Vibration, ...]) -> tuple[Followed, ...]:
-        line, *kinds, frequency_hz, unexplained, alarm_for, chattered = (
-            values[: self._known].tolist() for values in self._told
+    def _followed(self, number: int, vibrations: tuple[Vibration, ...]) -> Followed:
+        """One of them, in an interval with these lines."""
+        frequency_hz, noise, growing, saturated, steady, unexplained, alarm_for, chattered, line, *_ = self._vibrations[
+            number
+        ].tolist()
+        heard = None if line == NO_LINE else vibrations[line]
+        return Followed(
+            frequency_hz, Kinds(noise, growing, saturated, steady), unexplained, alarm_for, chattered, heard
         )
-        heard_now = [None if number == kernel.NO_LINE else heard[number] for number in line]
-        return tuple(map(Followed, frequency_hz, map(Kinds, *kinds), unexplained, alarm_for, chattered, heard_now))
 
 
-def steady_share(synchronous: float, vibrations: Iterable[Followed]) -> float:
+def steady_share(synchronous: float, told: Told) -> float:
     """Share of the power that turns with the spindle, or is in steady lines that have not chattered."""
-    steady = sum(v.steady_share for v in vibrations)
-    return synchronous + (1.0 - synchronous) * min(steady, 1.0)
+    return synchronous + (1.0 - synchronous) * min(told.steady_share, 1.0)
 
 
-def repeating_share(orders: Orders, vibrations: Iterable[Followed]) -> float:
+def repeating_share(orders: Orders, told: Told) -> float:
     """Share of the power that repeats, but for that of what has chattered or regenerates: that repeats, too."""
     if orders.growth > 0.0:
         return 0.0
-    chattered = sum(v.heard.line.share for v in vibrations if v.heard is not None and v.chattered)
-    return orders.repeating_share - (1.0 - orders.synchronous_share) * chattered
+    return orders.repeating_share - (1.0 - orders.synchronous_share) * told.chattered_share
 
 
 def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:

@@ -16,7 +16,7 @@ from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Place, Vibration
 from chatter_monitor.verdict.judge import DEAF, Judge, JudgeSettings, Memory, opinion
-from chatter_monitor.verdict.vibrations import Followed, repeating_share
+from chatter_monitor.verdict.vibrations import Followed, Told, repeating_share
 
 HZ = 1067.0
 UNKNOWN_SPEED = Orders(0, None, None, None, 0.0)
@@ -55,6 +55,12 @@ def evidence(*vibrations, critical=None, orders=UNKNOWN_SPEED, margin=NO_MARGIN,
         flags=flags,
         entering=about.get("entering", False),
     )
+
+
+def remembered(vibration):
+    """Memory of an interval in which this was the only vibration."""
+    alarm = vibration if vibration.alarm_for else None
+    return Memory(1.0, Told(vibration.self_excited, alarm, vibration))
 
 
 CALM, NEAR = evidence(critical=mode(0.02)), evidence(critical=mode(0.001))
@@ -153,7 +159,7 @@ def test_a_warning_tells_what_is_not_certain():
     begins = Followed(HZ, Kinds(0.8, 0.2, 0.0, 0.0), unexplained=0.9, heard=growing())
     risen = Followed(HZ, Kinds(0.0, 0.5, 0.5, 0.0), unexplained=0.3, heard=growing())
     for suspect, why in ((begins, "begins to grow; not certain yet"), (risen, "come from something that turns")):
-        view = opinion(GROWS, Memory(vibrations=(suspect,)), JudgeSettings())
+        view = opinion(GROWS, remembered(suspect), JudgeSettings())
         assert view.state == "approaching"
         assert view.reasons[0].endswith(why)
 
@@ -163,7 +169,7 @@ def test_an_alarm_from_the_entry_tells_what_is_new():
     entered = steady()
     entered = entered._replace(line=entered.line._replace(news=math.log(5.0)))
     alarm = Followed(HZ, Kinds(0.0, 0.9, 0.1, 0.0), unexplained=0.9, alarm_for=3, heard=entered)
-    view = opinion(evidence(entered), Memory(vibrations=(alarm,)), JudgeSettings())
+    view = opinion(evidence(entered), remembered(alarm), JudgeSettings())
     assert view.reasons[1] == "it stands out 5.0 times as much as in the cuts before"
 
 
@@ -355,18 +361,18 @@ def test_changed_thresholds_keep_what_is_remembered():
 def test_an_alarm_is_as_sure_as_the_chain(kinds, unexplained, alarm_for, state, confidence):
     """An alarm is as sure as it is that the vibration has risen unexplained; of warnings, two in five are right."""
     vibration = Followed(HZ, kinds, unexplained=unexplained, alarm_for=alarm_for, heard=steady())
-    view = opinion(evidence(steady()), Memory(1.0, (vibration,)), JudgeSettings())
+    view = opinion(evidence(steady()), remembered(vibration), JudgeSettings())
     assert (view.state, view.confidence) == (state, pytest.approx(confidence))
 
 
 def test_forced_and_stable_are_as_sure_as_the_share_tells():
     """With next to nothing heard as forced no cut is, with all of it all are; it does not flicker."""
     border = JudgeSettings().forced_share
-    heard = [Memory(1.0, (), forced_share=share) for share in (0.0, border, 0.7, 1.0)]
+    heard = [Memory(1.0, forced_share=share) for share in (0.0, border, 0.7, 1.0)]
     views = [opinion(evidence(), memory, JudgeSettings()) for memory in heard]
     assert [view.state for view in views] == ["stable", "stable", "forced", "forced"]
     assert [view.confidence for view in views] == pytest.approx([0.98, 0.74, 0.77, 0.98], abs=0.01)
-    before = Memory(1.0, (), forced_share=border - 0.04, forced=True)
+    before = Memory(1.0, forced_share=border - 0.04, forced=True)
     assert opinion(evidence(), before, JudgeSettings()).state == "forced"
 
 
@@ -396,10 +402,8 @@ def test_a_comb_that_is_lost_is_no_reason():
 def test_what_has_chattered_repeats_and_is_not_forced():
     """The share of a vibration that has chattered does not count as forced while it rings on."""
     orders = UNKNOWN_SPEED._replace(repeating_share=0.9)
-    heard = steady(share=0.8)
-    ringing = Followed(HZ, Kinds(0.9, 0.0, 0.0, 0.1), chattered=True, heard=heard)
-    assert repeating_share(orders, (ringing,)) == pytest.approx(0.1)
-    assert repeating_share(orders, (ringing._replace(chattered=False),)) == 0.9
+    assert repeating_share(orders, Told(chattered_share=0.8)) == pytest.approx(0.1)
+    assert repeating_share(orders, Told()) == 0.9
 
 
 def test_what_regenerates_is_not_forced():

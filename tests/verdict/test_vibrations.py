@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from chatter_monitor.kernels.kinds import LINE
-from chatter_monitor.kernels.vibrations import FORGOTTEN, FORGOTTEN_CHATTER, VIBRATION, Odds, Rules, follow_all
+from chatter_monitor.kernels.vibrations import FORGOTTEN, FORGOTTEN_CHATTER, NO_LINE, VIBRATION, Odds, Rules, follow_all
 from chatter_monitor.records import Flag
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.orders import OrderLine, Orders
@@ -144,10 +144,9 @@ def test_each_is_told_with_the_line_that_is_its_own():
     """However the lines are sorted, each vibration is told with the one near it, and with none when it is silent."""
     following = Following()
     following.follow(interval(500.0, 1000.0, 2000.0), RULES)
-    told = {round(v.frequency_hz): v.heard for v in following.follow(interval(2010.0, 505.0), RULES)}
-    assert {hertz: heard and heard.line.frequency_hz for hertz, heard in told.items()} == {
-        2010: 2010.0, 505: 505.0, 1000: None,
-    }  # fmt: skip
+    told = following.follow(interval(2010.0, 505.0), RULES)
+    assert dict(told.vibrations[["frequency_hz", "line"]].tolist()) == {2010.0: 0, 505.0: 1, 1000.0: NO_LINE}
+    assert told.suspect.heard.line.frequency_hz == told.suspect.frequency_hz
 
 
 def test_what_follows_a_change_of_speed_is_forced():
@@ -157,7 +156,7 @@ def test_what_follows_a_change_of_speed_is_forced():
         following, result = Following(), []
         for i in range(80):
             heard = interval(1000.0 * np.exp(glide * min(i, 30)), rising=i >= 20)
-            result.append(bool(following.follow(heard, RULES)[0].alarm_for))
+            result.append(following.follow(heard, RULES).alarm is not None)
         return result
 
     assert all(alarms(0.0)[40:])
@@ -219,8 +218,8 @@ def test_chatter_is_over_when_it_is_fainter(long_rise, absolute_rise, over):
     vibration = heard.vibrations[0]
     line = vibration.line._replace(long_rise=long_rise, absolute_rise=absolute_rise)
     for _ in range(20):
-        (chatter,) = following.follow(heard._replace(vibrations=(vibration._replace(line=line),)), RULES)
-    assert bool(chatter.alarm_for) is not over
+        told = following.follow(heard._replace(vibrations=(vibration._replace(line=line),)), RULES)
+    assert (told.alarm is None) is over
 
 
 def jumped(rises, **about):
@@ -231,8 +230,8 @@ def jumped(rises, **about):
     for rise in rises:
         usual = {"rise": rise, "long_rise": rise, "absolute_rise": rise, "variation": 1.0, "coherence": 0.7}
         line = vibration.line._replace(**(usual | about))
-        (told,) = following.follow(heard._replace(vibrations=(vibration._replace(line=line),)), RULES)
-    return told
+        told = following.follow(heard._replace(vibrations=(vibration._replace(line=line),)), RULES)
+    return told.suspect
 
 
 def test_what_rises_at_once_is_soon_believed():
@@ -272,7 +271,7 @@ def test_what_regenerates_is_an_alarm_whatever_its_lines_look_like(growth, alarm
     following = Following()
     for _ in range(8):
         told = following.follow(heard, RULES)
-    assert [v.frequency_hz for v in told if v.alarm_for] == ([1150.0] if alarms else [])
+    assert told.vibrations["frequency_hz"][told.vibrations["alarm_for"] > 0].tolist() == ([1150.0] if alarms else [])
 
 
 def test_at_rest_only_chatter_is_remembered():
@@ -280,11 +279,13 @@ def test_at_rest_only_chatter_is_remembered():
     following = Following()
     for _ in range(40):
         following.follow(interval(1000.0), RULES)
-    assert following.follow(interval(1000.0, 300.0), RULES)[0].alarm_for
-    (known,) = following.rest()
-    assert (known.frequency_hz, known.alarm_for, known.heard) == (1000.0, 0, None)
-    assert known.kinds.noise > 0.99
-    for _ in range(FORGOTTEN_CHATTER - 1):
-        last = following.rest()
-    assert last
-    assert not following.rest()
+    assert following.follow(interval(1000.0, 300.0), RULES).alarm.frequency_hz == 1000.0
+    following.rest()
+    told = following.follow(interval(), RULES)
+    assert told.vibrations[["frequency_hz", "chattered"]].tolist() == [(1000.0, True)]
+    assert told.vibrations["noise"][0] > 0.99
+    for _ in range(FORGOTTEN_CHATTER - 4):
+        following.rest()
+    assert len(following.follow(interval(), RULES).vibrations) == 1
+    following.rest()
+    assert not len(following.follow(interval(), RULES).vibrations)

@@ -1,0 +1,83 @@
+"""What all vibrations of an interval come to: which of them an opinion is about, and how much power is whose."""
+
+import math
+from typing import NamedTuple
+
+from numba import njit
+
+from chatter_monitor.kernels.kinds import steady_share
+from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.vibrations import NO_LINE, follow_all
+
+NONE = -1
+
+
+class Overview(NamedTuple):
+    """What they come to.
+
+    Attributes
+    ----------
+    suspicion : float
+        Probability that the most suspicious has risen and that nothing that turns explains it.
+    alarm, suspect, steadiest : int
+        Number of the one that the running alarm began with; of the most suspicious that is heard; of that with most
+        steady power, which is none of what has chattered, for that dies down as calmly. `NONE` where there is none.
+    steady_share, chattered_share : float
+        Shares of the power that are steady, and in lines of what has chattered.
+    """
+
+    suspicion: float = 0.0
+    alarm: int = NONE
+    suspect: int = NONE
+    steadiest: int = NONE
+    steady_share: float = 0.0
+    chattered_share: float = 0.0
+
+
+@njit(**OPTIONS)
+def overview(vibrations, lines):
+    """Look over vibrations after an interval, an array of VIBRATION, and its lines, an array of LINE."""
+    suspicion = 0.0
+    alarm = suspect = steadiest = NONE
+    longest = 0
+    most = steady = chattered = 0.0
+    for i in range(vibrations.shape[0]):
+        vibration = vibrations[i]
+        if i == 0:
+            suspicion = (vibration.growing + vibration.saturated) * vibration.unexplained
+        if vibration.alarm_for > longest:
+            alarm, longest = i, vibration.alarm_for
+        if vibration.line == NO_LINE:
+            continue
+        if suspect == NONE:
+            suspect = i
+        line = lines[vibration.line]
+        if vibration.chattered:
+            chattered += line.share
+            continue
+        own = steady_share(line.share, line.variation)
+        steady += own
+        if own > most:
+            steadiest, most = i, own
+    return Overview(suspicion, alarm, suspect, steadiest, steady, chattered)
+
+
+@njit(**OPTIONS)
+def forced_at(vibrations, frequency_hz, reach):
+    """Whether one of them, within so much of a frequency (natural logarithm), is rather forced than not.
+
+    Forced is what was steady from the start, or has risen and is explained.
+    """
+    for i in range(vibrations.shape[0]):
+        vibration = vibrations[i]
+        forced = vibration.steady + (vibration.growing + vibration.saturated) * (1.0 - vibration.unexplained)
+        if forced > 0.5 and abs(math.log(vibration.frequency_hz / frequency_hz)) < reach:
+            return True
+    return False
+
+
+@njit(**OPTIONS)
+def another_interval(vibrations, known, lines, rules, weights, taken, work):
+    """Follow every vibration through an interval (`follow_all`); return how many there are, and what they come to."""
+    known = follow_all(vibrations, known, lines, rules, weights, taken, work)
+    return known, overview(vibrations[:known], lines)
