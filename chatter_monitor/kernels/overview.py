@@ -7,6 +7,7 @@ from numba import njit
 
 from chatter_monitor.kernels.kinds import steady_share
 from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.testimony import witness
 from chatter_monitor.kernels.vibrations import NO_LINE, follow_all
 
 NONE = -1
@@ -77,7 +78,17 @@ def forced_at(vibrations, frequency_hz, reach):
 
 
 @njit(**OPTIONS)
-def another_interval(vibrations, known, lines, rules, weights, taken, work):
-    """Follow every vibration through an interval (`follow_all`); return how many there are, and what they come to."""
+def another_interval(vibrations, known, testimony, rules, weights, lines, taken, work):
+    """Follow every vibration through an interval; return how many there are, and what they come to.
+
+    Parameters
+    ----------
+    testimony : tuple
+        What `witness` is told of the interval's lines, but for the odds.
+    lines : ndarray of LINE, shape (>= m,)
+        Work space. All else is as `follow_all` takes it.
+    """
+    witness(*testimony, rules.odds, lines)
+    lines = lines[: testimony[0].shape[0]]
     known = follow_all(vibrations, known, lines, rules, weights, taken, work)
     return known, overview(vibrations[:known], lines)

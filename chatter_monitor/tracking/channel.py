@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from chatter_monitor.records import Flag, OdpFrame
 from chatter_monitor.tracking.margin import Margin, MarginSettings, MarginTracker
 from chatter_monitor.tracking.orders import Orders, OrderSettings, OrderTracker
-from chatter_monitor.tracking.spectrum import Line, Spectrum
+from chatter_monitor.tracking.spectrum import Spectrum
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S, Tracker, TrackerSettings
 
@@ -27,8 +27,8 @@ class Observation:
         Operational dynamic parameters of what does not turn with the spindle.
     orders : Orders
         What does.
-    lines : tuple of Line
-        Lines of what does not, most prominent first.
+    lines : ndarray of float64, shape (n, MEASURES)
+        Lines of what does not, rows of `spectrum.Line`, most prominent first.
     cutting : bool
         Whether the tool is in the cut, as far as is known.
     margin : Margin
@@ -39,7 +39,7 @@ class Observation:
 
     odp: OdpFrame
     orders: Orders
-    lines: tuple[Line, ...]
+    lines: NDArray[np.float64]
     cutting: bool
     margin: Margin
     entering: bool = False
@@ -139,7 +139,7 @@ class Channel:
         return self._last_margin
 
 
-def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[tuple[Line, ...], bool, bool]:
+def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[NDArray[np.float64], bool, bool]:
     """Lines of a frame, and whether the tool is in the cut or enters it."""
     found = spectrum.take(frame.signal, alike=not orders.returned, turns=orders.heard, fainter=orders.fainter)
-    return tuple(found), spectrum.cutting, spectrum.entering
+    return found, spectrum.cutting, spectrum.entering

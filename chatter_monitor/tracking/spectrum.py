@@ -113,8 +113,8 @@ class Spectrum:
 
     def take(
         self, signal: NDArray[np.float64], *, alike: bool = True, turns: bool = False, fainter: bool = False
-    ) -> list[Line]:
-        """Take the samples of the next frame and return its lines, most prominent first.
+    ) -> NDArray[np.float64]:
+        """Take the samples of the next frame and return its lines, rows of `Line`, most prominent first.
 
         Parameters
         ----------
@@ -129,4 +129,5 @@ class Spectrum:
             Whether most of what is heard goes on, fainter: the cut has got lighter, and the tool has not left.
         """
         count = self._find(np.ascontiguousarray(signal, np.float64), alike, turns, fainter)
-        return [Line._make(measures) for measures in (self._measures[:count] * self._units).tolist()]
+        lines: NDArray[np.float64] = self._measures[:count] * self._units
+        return lines

@@ -9,7 +9,6 @@ are followed only those become objects that something is said about.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,24 +16,19 @@ from numpy.typing import NDArray
 
 from chatter_monitor.kernels import overview as kernel
 from chatter_monitor.kernels.binding import bound
+from chatter_monitor.kernels.heard import FIELDS
 from chatter_monitor.kernels.kinds import LINE, Kinds
 from chatter_monitor.kernels.overview import NONE
+from chatter_monitor.kernels.testimony import witness
 from chatter_monitor.kernels.vibrations import CALMED, FORGOTTEN_CHATTER, NO_LINE, VIBRATION, Odds, Rules
 from chatter_monitor.tracking.orders import Orders
-from chatter_monitor.tracking.spectrum import Line
-from chatter_monitor.verdict.evidence import LINE_WIDTH_HZ, Evidence, Vibration
+from chatter_monitor.verdict.evidence import Evidence, Heard, Vibration
 from chatter_monitor.verdict.weights import CALM, GROWTH
-
-# Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
-FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
-
-# Multiples that count as overtones, and how near to one a line has to be.
-OVERTONES, OVERTONE_HZ = 5, 8.0
 
 # Vibrations that there is room for at first.
 ROOM = 64
 
-NO_LINES = np.empty(0, LINE)
+NOTHING_TAKEN = np.empty((0, 2))
 _WEIGHTS = np.array([(*weights.per_measure, weights.offset) for weights in (GROWTH, CALM)])
 
 
@@ -104,22 +98,22 @@ class Following:
     def __init__(self) -> None:
         self._known = 0  # of the vibrations, the most suspicious first; behind them there is room for more
         self._vibrations, self._work = np.empty((2, ROOM), VIBRATION)
-        self._taken = np.empty(ROOM, np.bool_)
-        rules = Rules(0.5, 0.5)
+        self._lines, self._taken = np.empty(ROOM, LINE), np.empty(ROOM, np.bool_)
+        testimony = (np.empty((0, FIELDS)), NOTHING_TAKEN, False, False, 0.0, 0.0)
         self._another_interval = bound(
-            kernel.another_interval, self._vibrations, 0, NO_LINES, rules, _WEIGHTS, self._taken, self._work
+            kernel.another_interval,
+            *(self._vibrations, 0, testimony, Rules(0.5, 0.5), _WEIGHTS, self._lines, self._taken, self._work),
         )
 
     def follow(self, evidence: Evidence, rules: Rules) -> Told:
         """Follow them through another interval."""
-        lines = lines_of(evidence, rules.odds)
-        self._make_room(len(lines))
+        heard = evidence.vibrations
+        self._make_room(len(heard))
         self._known, (suspicion, *numbers, steady, chattered) = self._another_interval(
-            self._vibrations, self._known, lines, rules, _WEIGHTS, self._taken, self._work
+            *(self._vibrations, self._known, _testimony(evidence), rules),
+            *(_WEIGHTS, self._lines, self._taken, self._work),
         )
-        alarm, suspect, steadiest = (
-            None if number == NONE else self._followed(number, evidence.vibrations) for number in numbers
-        )
+        alarm, suspect, steadiest = (None if number == NONE else self._followed(number, heard) for number in numbers)
         return Told(suspicion, alarm, suspect, steadiest, steady, chattered, self._vibrations[: self._known])
 
     def _make_room(self, lines: int) -> None:
@@ -127,7 +121,8 @@ class Following:
         size = len(self._vibrations)
         if self._known + lines > size:
             self._vibrations = np.concatenate([self._vibrations, np.empty(size, VIBRATION)])
-            self._work, self._taken = np.empty_like(self._vibrations), np.empty(2 * size, np.bool_)
+            self._work = np.empty_like(self._vibrations)
+            self._lines, self._taken = np.empty(2 * size, LINE), np.empty(2 * size, np.bool_)
 
     def rest(self) -> None:
         """Remember, while nothing is cut, only which vibrations have chattered."""
@@ -142,7 +137,7 @@ class Following:
         self._known = len(known)
         self._vibrations[: self._known] = known
 
-    def _followed(self, number: int, vibrations: tuple[Vibration, ...]) -> Followed:
+    def _followed(self, number: int, vibrations: Heard) -> Followed:
         """One of them, in an interval with these lines."""
         frequency_hz, noise, growing, saturated, steady, unexplained, alarm_for, chattered, line, *_ = self._vibrations[
             number
@@ -166,72 +161,21 @@ def repeating_share(orders: Orders, told: Told) -> float:
 
 
 def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
-    """Prominent lines of an interval as the kernel takes them, shape (vibrations,)."""
-    vibrations, orders = evidence.vibrations, evidence.orders
-    own = [v.line.share * left(v.line, evidence) for v in vibrations]
-    heard = orders.source == "refined" and orders.heard
-    # what grows from rotation to rotation is many lines, too near to each other to be told: it counts as the strongest
-    strongest = max(vibrations, key=lambda v: v.line.share, default=None) if orders.growth > 0.0 else None
-    numbers: list[float] = []  # one after the other they are put into an array several times faster than as records
-    for v, dominance in zip(vibrations, own, strict=True):
-        line = v.line
-        at_its_place = order_odds(v, orders, odds)
-        if at_its_place > 0.0:  # teeth have overtones, too
-            dominance += sum(more for o, more in zip(vibrations, own, strict=True) if is_overtone(o.line, line))
-            if heard:
-                line = with_news(line)
-        growth = orders.growth if v is strongest else 0.0
-        if growth > 0.0:
-            # out of step is off the orders, whatever the speed; and all power is its but what there was before
-            at_its_place = max(at_its_place, odds.off_found)
-            dominance = max(dominance, 1.0 - math.exp(-2.0 * growth))
-        numbers += (*line[:-1], v.damping_ratio, at_its_place, dominance, growth, evidence.power)
-    return np.array(numbers, dtype=np.float64).view(LINE)
+    """Prominent lines of an interval as vibrations take them, shape (lines,)."""
+    lines = np.empty(len(evidence.vibrations), LINE)
+    witness(*_testimony(evidence), odds, lines)
+    return lines
 
 
-def with_news(line: Line) -> Line:
-    """A line that counts as risen by as much as it is more than in the cuts before and in the air between.
-
-    Chatter that is there as soon as the tool enters has not been seen to grow. Forced lines are new, too, when a job
-    is; so this is for lines off the orders of the spindle, where its speed is known and it is heard.
-    """
-    return line._replace(long_rise=max(line.long_rise, line.news), absolute_rise=max(line.absolute_rise, line.news))
-
-
-def is_overtone(line: Line, fundamental: Line) -> bool:
-    """Whether a line is at a multiple of another: what throws the tool out of the cut is periodic, not harmonic.
-
-    An accelerometer hears overtones louder than what they belong to.
-    """
-    order = round(line.frequency_hz / fundamental.frequency_hz)
-    return 1 < order <= OVERTONES and abs(line.frequency_hz - order * fundamental.frequency_hz) < OVERTONE_HZ
-
-
-def left(line: Line, evidence: Evidence) -> float:
-    """Share of the power at a line's frequency that has not been taken out with what turns.
-
-    Beside a strong order something is always left, for it is neither quite steady nor its speed quite known.
-    """
+def _testimony(evidence: Evidence) -> tuple[NDArray[np.float64], NDArray[np.float64], bool, bool, float, float]:
+    """What `kernels.testimony` takes of an interval."""
     orders = evidence.orders
-    if not orders.lines and not orders.other_lines:
-        return 1.0
-    here = line.share * evidence.power
-    lines = (*orders.lines, *orders.other_lines)
-    taken = max((o.rms**2 for o in lines if abs(o.frequency_hz - line.frequency_hz) < LINE_WIDTH_HZ), default=0.0)
-    return here / (here + taken) if here > 0.0 else 1.0
-
-
-def order_odds(vibration: Vibration, orders: Orders, odds: Odds) -> float:
-    """Log odds for self-excitation by its place among the orders: chatter may be anywhere, forced lines are not."""
-    teeth, place = vibration.teeth, vibration.place
-    if teeth is None:
-        return odds.unknown_speed
-    if place is None:
-        return 0.0
-    at_teeth = FORCED_AT_TEETH * teeth.near / teeth.by_chance
-    at_rotation = FORCED_AT_ROTATION * place.near / place.by_chance
-    off_orders = FORCED_OFF_ORDERS * (not place.near) / (1.0 - place.by_chance)
-    forced = at_teeth + at_rotation + off_orders
-    if orders.source == "found" and forced < 1.0:  # what was found may be another machine's comb
-        return odds.off_found
-    return -math.log(forced)
+    taken = [(line.frequency_hz, line.rms) for line in (*orders.lines, *orders.other_lines)]
+    return (
+        evidence.vibrations.table,
+        np.array(taken) if taken else NOTHING_TAKEN,
+        orders.source == "found",
+        orders.source == "refined" and orders.heard,
+        orders.growth,
+        evidence.power,
+    )

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from chatter_monitor.records import Flag
 from chatter_monitor.tracking.channel import Channel
 from chatter_monitor.tracking.orders import OrderSettings
+from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import TrackerSettings
 from tests.signals import RATE_HZ, vibration
@@ -43,7 +44,7 @@ def contents(seen):
     """Every bit of an observation."""
     odp = [getattr(seen.odp, field.name) for field in fields(seen.odp)]
     frame = [value.tobytes() if isinstance(value, np.ndarray) else value for value in odp]
-    return [*frame, repr(seen.orders), repr(seen.lines), repr(seen.margin)]
+    return [*frame, repr(seen.orders), repr(seen.lines.tolist()), repr(seen.margin)]
 
 
 @settings(max_examples=10, derandomize=True, deadline=None)
@@ -80,9 +81,10 @@ def test_what_turns_with_the_spindle_is_not_in_the_lines():
     """Teeth at a known speed are in the orders; the first line is the machine's mode, and none lies on a tooth."""
     last = observe((0, milling(4.0)))[-1]
     assert last.orders.rotation_hz == pytest.approx(27.6, abs=0.1)
-    assert last.lines[0].frequency_hz == pytest.approx(990, abs=40)
+    lines = [Line._make(row) for row in last.lines.tolist()]
+    assert lines[0].frequency_hz == pytest.approx(990, abs=40)
     teeth = 27.6 * 6 * np.arange(1, 4)
-    assert all(np.min(abs(teeth - line.frequency_hz)) > 5 for line in last.lines if line.share > 0.05)
+    assert all(np.min(abs(teeth - line.frequency_hz)) > 5 for line in lines if line.share > 0.05)
 
 
 def test_without_a_speed_there_is_no_margin():

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from chatter_monitor.tracking.spectrum import WINDOW_S, Spectrum
+from chatter_monitor.tracking.spectrum import WINDOW_S, Line, Spectrum
 from tests.signals import RATE_HZ, vibration
 
 INTERVAL = 640
@@ -16,7 +16,12 @@ INTERVAL = 640
 def frames(signal, rate_hz=RATE_HZ, interval=INTERVAL):
     """Lines of each frame of a signal."""
     spectrum = Spectrum(rate_hz, interval)
-    return [spectrum.take(signal[first : first + interval]) for first in range(0, len(signal), interval)]
+    return [named(spectrum, signal[first : first + interval]) for first in range(0, len(signal), interval)]
+
+
+def named(spectrum, signal, **about):
+    """Lines of a frame, by name."""
+    return [Line._make(row) for row in spectrum.take(signal, **about).tolist()]
 
 
 def times(seconds, rate_hz=RATE_HZ):
@@ -138,9 +143,8 @@ def test_what_comes_back_into_the_signal_has_not_risen(alike):
     signal = amplitude * np.sin(2 * np.pi * 900 * t) + noise(len(t), 0.03)
     spectrum, seen = Spectrum(RATE_HZ, INTERVAL), []
     for first in range(0, len(t), INTERVAL):
-        seen += spectrum.take(
-            signal[first : first + INTERVAL], alike=alike or first != 40 * INTERVAL, turns=first < 40 * INTERVAL
-        )[:1]
+        about = {"alike": alike or first != 40 * INTERVAL, "turns": first < 40 * INTERVAL}
+        seen += named(spectrum, signal[first : first + INTERVAL], **about)[:1]
     if alike:
         assert min(min(line.long_rise, line.absolute_rise) for line in seen[44:60]) > 2.0
     else:

@@ -40,7 +40,7 @@ def test_channels_that_hear_the_same_see_the_same():
     seen = []
     for number in range(TURNS):
         channel = Channel(settings.tracker, settings.orders, SpindleSettings(60 * 27.6, 4), number)
-        seen.append([(each.orders, each.lines, each.margin) for each in channel.process(0, samples)])
+        seen.append([(each.orders, each.lines.tolist(), each.margin) for each in channel.process(0, samples)])
     assert seen[0][-1][0].source == "refined"
     assert seen[0][-1][2].frequency_hz is not None
     assert all(each == seen[0] for each in seen[1:])

@@ -7,22 +7,15 @@ import math
 import numpy as np
 import pytest
 
+from chatter_monitor.kernels.heard import AUDIBLE_SHARE, ORDER_TOLERANCE_HZ, SIGNIFICANT_SHARE, place
+from chatter_monitor.kernels.lines import MEASURES
 from chatter_monitor.records import Flag, ModeStatus, OdpFrame
 from chatter_monitor.tracking.channel import Observation
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.orders import NOMINAL_SD, Orders
 from chatter_monitor.tracking.spectrum import LOWEST_HZ, Line
 from chatter_monitor.tracking.spindle import SpindleSettings
-from chatter_monitor.verdict.evidence import (
-    AUDIBLE_SHARE,
-    ORDER_TOLERANCE_HZ,
-    SIGNIFICANT_SHARE,
-    ModeEvidence,
-    modes_evidence,
-    place_among_orders,
-    probability_below,
-    spindle_order,
-)
+from chatter_monitor.verdict.evidence import ModeEvidence, probability_below, speed, spindle_order
 from chatter_monitor.verdict.evidence import weigh as weigh_observation
 
 OSCILLATORY, REAL_PAIR, HELD, STARTING = ModeStatus
@@ -58,7 +51,8 @@ def orders_of(rotation_hz=None, source=None, share=0.0):
 
 def weigh(frame, orders=None, lines=(), spindle=None):
     """Evidence of a frame by itself."""
-    observation = Observation(frame, orders or orders_of(), tuple(lines), True, Margin(reason="too little signal yet"))
+    rows = np.array(lines, float).reshape(-1, MEASURES)
+    observation = Observation(frame, orders or orders_of(), rows, True, Margin(reason="too little signal yet"))
     return weigh_observation(observation, spindle or SpindleSettings())
 
 
@@ -72,7 +66,7 @@ def status_of(mode, *stretches):
 
 def test_a_mode_is_the_medians_of_its_samples():
     """Frequency, damping and standard deviation are those of the middle sample, each by itself."""
-    mode = modes_evidence(frame())[0][1]
+    mode = weigh(frame()).critical
     assert mode.frequency_hz == pytest.approx(1000.0)
     assert mode.damping_ratio == pytest.approx(0.001)
     assert mode.damping_sd == pytest.approx(0.0005)
@@ -82,10 +76,14 @@ def test_a_mode_is_the_medians_of_its_samples():
 @pytest.mark.parametrize("other", [REAL_PAIR, HELD])
 def test_samples_without_an_estimate_of_their_own_do_not_count(other):
     """Real pairs and held values are left out of the medians; from half of the interval on there is no mode."""
-    mode = modes_evidence(frame(status=status_of(0, (slice(61, None), other))))[0][0]
+
+    def first(until):
+        return weigh(frame(share=(0.5, 0.0), status=status_of(0, (slice(until, None), other)))).critical
+
+    mode = first(61)
     assert mode.frequency_hz == pytest.approx(396.0, abs=0.3)  # the median of the first 61
-    assert modes_evidence(frame(status=status_of(0, (slice(50, None), other))))[0][0] is None
-    assert modes_evidence(frame(status=status_of(0, (slice(51, None), other))))[0][0] is not None
+    assert first(50) is None
+    assert first(51) is not None
 
 
 def test_the_least_damped_of_the_significant_modes_is_critical():
@@ -142,8 +140,8 @@ def test_a_line_below_the_band_is_left_out():
 def test_by_chance_is_the_share_of_frequencies_on_an_order(rotation_hz):
     """Of frequencies drawn anywhere, as many are on an order as the probability says."""
     frequencies = np.random.default_rng(5).uniform(1000.0, 1000.0 + 20.0 * rotation_hz, 4000)
-    places = [place_among_orders(f, orders_of(rotation_hz, "found"), 1) for f in frequencies]
-    assert np.mean([place.near for place in places]) == pytest.approx(places[0].by_chance, abs=0.03)
+    places = [place(f, speed(orders_of(rotation_hz, "found")), 1) for f in frequencies]
+    assert np.mean([near for near, _ in places]) == pytest.approx(places[0][1], abs=0.03)
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Place, Vibration
 from chatter_monitor.verdict.judge import DEAF, Judge, JudgeSettings, Memory, opinion
 from chatter_monitor.verdict.vibrations import Followed, Told, repeating_share
+from tests.verdict.hearing import heard
 
 HZ = 1067.0
 UNKNOWN_SPEED = Orders(0, None, None, None, 0.0)
@@ -45,7 +46,7 @@ def steady(frequency=HZ, damping=0.0, *, on_order=False, share=0.9):
 def evidence(*vibrations, critical=None, orders=UNKNOWN_SPEED, margin=NO_MARGIN, rms=1.0, flags=Flag.NONE, **about):
     return Evidence(
         critical=critical,
-        vibrations=vibrations,
+        vibrations=heard(*vibrations),
         orders=orders,
         margin=margin,
         cutting=about.get("cutting", True),
@@ -368,8 +369,8 @@ def test_an_alarm_is_as_sure_as_the_chain(kinds, unexplained, alarm_for, state, 
 def test_forced_and_stable_are_as_sure_as_the_share_tells():
     """With next to nothing heard as forced no cut is, with all of it all are; it does not flicker."""
     border = JudgeSettings().forced_share
-    heard = [Memory(1.0, forced_share=share) for share in (0.0, border, 0.7, 1.0)]
-    views = [opinion(evidence(), memory, JudgeSettings()) for memory in heard]
+    memories = [Memory(1.0, forced_share=share) for share in (0.0, border, 0.7, 1.0)]
+    views = [opinion(evidence(), memory, JudgeSettings()) for memory in memories]
     assert [view.state for view in views] == ["stable", "stable", "forced", "forced"]
     assert [view.confidence for view in views] == pytest.approx([0.98, 0.74, 0.77, 0.98], abs=0.01)
     before = Memory(1.0, forced_share=border - 0.04, forced=True)

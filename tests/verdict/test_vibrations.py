@@ -7,15 +7,17 @@ import math
 import numpy as np
 import pytest
 
+from chatter_monitor.kernels.heard import place
 from chatter_monitor.kernels.kinds import LINE
 from chatter_monitor.kernels.vibrations import FORGOTTEN, FORGOTTEN_CHATTER, NO_LINE, VIBRATION, Odds, Rules, follow_all
 from chatter_monitor.records import Flag
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.spectrum import Line
-from chatter_monitor.verdict.evidence import Evidence, Vibration, place_among_orders
-from chatter_monitor.verdict.vibrations import Following, left, lines_of
+from chatter_monitor.verdict.evidence import Evidence, Place, Vibration
+from chatter_monitor.verdict.vibrations import Following, lines_of
 from tests import naive
+from tests.verdict.hearing import heard
 
 RULES = Rules(alarm_probability=0.8, calm_probability=0.5)
 # Rising and coherent is growth, coherent and steady is calm.
@@ -133,7 +135,7 @@ def test_after_a_silence_the_same_vibration_is_nearer(hertz, missed, away, same)
 
 def interval(*frequencies_hz, rising=True):
     behaviour = (0.7, 60.0, 2.3, 3.0, 3.0) if rising else (0.02, 0.0, 0.0, 0.0, 0.0)
-    vibrations = tuple(Vibration(Line(hertz, 0.9, 35.0, *behaviour, 0.99), None) for hertz in frequencies_hz)
+    vibrations = heard(*(Vibration(Line(hertz, 0.9, 35.0, *behaviour, 0.99), None) for hertz in frequencies_hz))
     orders = Orders(0, None, None, None, 0.0)
     return Evidence(
         None, vibrations, orders, Margin(), cutting=True, held=False, starting=False, rms=1.0, flags=Flag.NONE
@@ -155,8 +157,8 @@ def test_what_follows_a_change_of_speed_is_forced():
     def alarms(glide):
         following, result = Following(), []
         for i in range(80):
-            heard = interval(1000.0 * np.exp(glide * min(i, 30)), rising=i >= 20)
-            result.append(following.follow(heard, RULES).alarm is not None)
+            seen = interval(1000.0 * np.exp(glide * min(i, 30)), rising=i >= 20)
+            result.append(following.follow(seen, RULES).alarm is not None)
         return result
 
     assert all(alarms(0.0)[40:])
@@ -168,20 +170,26 @@ def test_what_follows_a_change_of_speed_is_forced():
 )
 def test_what_is_left_beside_an_order_is_a_share_of_what_was_there(taken, away_hz, share):
     """Beside an order, the power of a line counts over that and what was taken out there; farther off all of it."""
-    heard = interval(1000.0)
     orders = Orders(0, 50.0, 0.01, "refined", 0.0, (OrderLine(20, 1000.0 + away_hz, taken * math.sqrt(0.9)),))
-    assert left(heard.vibrations[0].line, heard._replace(orders=orders)) == pytest.approx(share)
+    lines = lines_of(interval(1000.0)._replace(orders=orders), Odds())
+    assert lines["dominance"] == pytest.approx(0.9 * share)
+
+
+def at_its_place(vibration, rotation_hz):
+    """A vibration with its place among the orders of this rotation."""
+    if rotation_hz is None:
+        return vibration
+    found = Place(*place(vibration.line.frequency_hz, (rotation_hz, 1e-4, False), 1))
+    return vibration._replace(place=found, teeth=found)
 
 
 @pytest.mark.parametrize(("rotation_hz", "overtones"), [(30.0, 2), (100.0, 0), (None, 0)])
 def test_overtones_count_off_the_orders(rotation_hz, overtones):
     """What chatter takes of the power is that of its overtones, too; not so on an order, or if none is known."""
-    heard = interval(500.0, 1004.0, 1497.0, 1530.0)
-    place = place_among_orders(500.0, heard.orders._replace(rotation_hz=rotation_hz), 1)
-    first = heard.vibrations[0]._replace(rotation=place, teeth=place)
-    heard = heard._replace(vibrations=(first, *heard.vibrations[1:]))
-    shares = [v.line.share for v in heard.vibrations]
-    assert lines_of(heard, Odds())["dominance"] == pytest.approx([sum(shares[: 1 + overtones]), *shares[1:]])
+    seen = interval(500.0, 1004.0, 1497.0, 1530.0)
+    seen = seen._replace(vibrations=heard(at_its_place(seen.vibrations[0], rotation_hz), *seen.vibrations[1:]))
+    shares = [v.line.share for v in seen.vibrations]
+    assert lines_of(seen, Odds())["dominance"] == pytest.approx([sum(shares[: 1 + overtones]), *shares[1:]])
 
 
 @pytest.mark.parametrize(
@@ -195,14 +203,12 @@ def test_overtones_count_off_the_orders(rotation_hz, overtones):
 )
 def test_what_is_new_in_a_cut_has_risen_off_the_orders_of_a_known_spindle(source, share, rotation_hz, counts):
     """A line that was in no cut before, nor in the air, counts as risen by as much where nothing else explains it."""
-    heard = interval(495.0, rising=False)
-    orders = Orders(0, rotation_hz, 0.01, source, share)
-    place = place_among_orders(495.0, orders, 1)
-    vibration = heard.vibrations[0]
-    line = vibration.line._replace(news=2.0)
-    heard = heard._replace(orders=orders, vibrations=(vibration._replace(line=line, rotation=place, teeth=place),))
+    seen = interval(495.0, rising=False)
+    vibration = at_its_place(seen.vibrations[0], rotation_hz)
+    vibration = vibration._replace(line=vibration.line._replace(news=2.0))
+    seen = seen._replace(orders=Orders(0, rotation_hz, 0.01, source, share), vibrations=heard(vibration))
     expected = 2.0 if counts else 0.0
-    assert lines_of(heard, Odds())[["long_rise", "absolute_rise"]].tolist() == [(expected, expected)]
+    assert lines_of(seen, Odds())[["long_rise", "absolute_rise"]].tolist() == [(expected, expected)]
 
 
 @pytest.mark.parametrize(
@@ -214,23 +220,23 @@ def test_chatter_is_over_when_it_is_fainter(long_rise, absolute_rise, over):
     following = Following()
     for _ in range(40):
         following.follow(interval(1000.0), RULES)
-    heard = interval(1000.0, rising=False)
-    vibration = heard.vibrations[0]
+    seen = interval(1000.0, rising=False)
+    vibration = seen.vibrations[0]
     line = vibration.line._replace(long_rise=long_rise, absolute_rise=absolute_rise)
     for _ in range(20):
-        told = following.follow(heard._replace(vibrations=(vibration._replace(line=line),)), RULES)
+        told = following.follow(seen._replace(vibrations=heard(vibration._replace(line=line))), RULES)
     assert (told.alarm is None) is over
 
 
 def jumped(rises, **about):
     """Of noise that has risen by so much in each interval: what is followed after the last one."""
     following = Following()
-    heard = interval(1000.0)
-    vibration = heard.vibrations[0]
+    seen = interval(1000.0)
+    vibration = seen.vibrations[0]
     for rise in rises:
         usual = {"rise": rise, "long_rise": rise, "absolute_rise": rise, "variation": 1.0, "coherence": 0.7}
         line = vibration.line._replace(**(usual | about))
-        told = following.follow(heard._replace(vibrations=(vibration._replace(line=line),)), RULES)
+        told = following.follow(seen._replace(vibrations=heard(vibration._replace(line=line))), RULES)
     return told.suspect
 
 
@@ -263,14 +269,14 @@ def test_a_share_is_that_of_the_power_of_some_intervals(share, louder, expected)
 @pytest.mark.parametrize(("growth", "alarms"), [(1.0, True), (0.7, False), (0.0, False)])
 def test_what_regenerates_is_an_alarm_whatever_its_lines_look_like(growth, alarms):
     """The strongest of several unsteady lines, none of which has risen or takes most of the power; not the others."""
-    lines = tuple(
+    lines = (
         Vibration(Line(hertz, share, 15.0, 0.6, 0.0, 0.0, 0.0, 0.0, 0.5), None)
         for hertz, share in ((1000.0, 0.3), (1150.0, 0.5), (1300.0, 0.2))
     )
-    heard = interval(1000.0)._replace(vibrations=lines, orders=Orders(0, None, None, None, 0.0, growth=growth))
+    seen = interval(1000.0)._replace(vibrations=heard(*lines), orders=Orders(0, None, None, None, 0.0, growth=growth))
     following = Following()
     for _ in range(8):
-        told = following.follow(heard, RULES)
+        told = following.follow(seen, RULES)
     assert told.vibrations["frequency_hz"][told.vibrations["alarm_for"] > 0].tolist() == ([1150.0] if alarms else [])
 
 

@@ -1,0 +1,131 @@
+"""What the lines of an interval say for self-excitation by where they are, and how much of the power each takes."""
+
+import math
+
+from numba import njit
+
+from chatter_monitor.kernels.heard import BY_CHANCE, DAMPING_RATIO, HERTZ, NEAR, NEAR_TEETH, TEETH_BY_CHANCE
+from chatter_monitor.kernels.lines import (
+    ABSOLUTE_RISE,
+    COHERENCE,
+    GROWTH,
+    LONG_RISE,
+    NEWS,
+    PROMINENCE,
+    RISE,
+    SHARE,
+    VARIATION,
+)
+from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.vibrations import LINE_WIDTH_HZ
+
+# Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
+FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
+# Multiples that count as overtones, and how near to one a line has to be.
+OVERTONES, OVERTONE_HZ = 5, 8.0
+
+
+@njit(**OPTIONS)
+def witness(heard, taken, found, spindle, growth, power, odds, lines):
+    """Tell of each line what the following of vibrations takes.
+
+    Parameters
+    ----------
+    heard : ndarray of float64, shape (n, FIELDS)
+        The lines (`kernels.heard`).
+    taken : ndarray of float64, shape (m, 2)
+        Frequency and rms of each line that has been taken out with what turns.
+    found : bool
+        Whether what turns has been found in the signal alone: it may be another machine's.
+    spindle : bool
+        Whether a spindle of known speed is heard.
+    growth : float
+        By how much what repeats has grown from rotation to rotation (natural logarithm): many lines, too near to each
+        other to be told. It counts as the strongest.
+    power : float
+        That which the lines have their shares of.
+    odds : Odds
+    lines : ndarray of LINE, shape (>= n,)
+        The result.
+    """
+    strongest = 0
+    for i in range(heard.shape[0]):
+        strongest = i if heard[i, SHARE] > heard[strongest, SHARE] else strongest
+    for i in range(heard.shape[0]):
+        seen, line = heard[i], lines[i]
+        _copy(seen, line)
+        line.power = power
+        line.order_odds = _order_odds(seen, found, odds)
+        line.dominance = _own_share(seen, taken, power)
+        if line.order_odds > 0.0:  # teeth have overtones, too
+            overtones = 0.0
+            for other in heard:
+                if _is_overtone(other[HERTZ], seen[HERTZ]):
+                    overtones += _own_share(other, taken, power)
+            line.dominance += overtones
+            if spindle:
+                _add_news(seen[NEWS], line)
+        line.growth = growth if i == strongest else 0.0
+        if line.growth > 0.0:
+            # out of step is off the orders, whatever the speed; and all power is its but what there was before
+            line.order_odds = max(line.order_odds, odds.off_found)
+            line.dominance = max(line.dominance, 1.0 - math.exp(-2.0 * growth))
+
+
+@njit(**OPTIONS)
+def _copy(seen, line):
+    line.frequency_hz, line.share, line.prominence_db = seen[HERTZ], seen[SHARE], seen[PROMINENCE]
+    line.variation, line.growth_per_s, line.coherence = seen[VARIATION], seen[GROWTH], seen[COHERENCE]
+    line.rise, line.long_rise, line.absolute_rise = seen[RISE], seen[LONG_RISE], seen[ABSOLUTE_RISE]
+    line.damping_ratio = seen[DAMPING_RATIO]
+
+
+@njit(**OPTIONS)
+def _add_news(news, line):
+    """Count a line as risen by as much as it is more than in the cuts before and in the air between.
+
+    Chatter that is there as soon as the tool enters has not been seen to grow. Forced lines are new, too, when a job
+    is; so this is for lines off the orders of the spindle, where its speed is known and it is heard.
+    """
+    line.long_rise, line.absolute_rise = max(line.long_rise, news), max(line.absolute_rise, news)
+
+
+@njit(**OPTIONS)
+def _is_overtone(hertz, fundamental_hz):
+    """Whether a line is at a multiple of another: what throws the tool out of the cut is periodic, not harmonic.
+
+    An accelerometer hears overtones louder than what they belong to.
+    """
+    order = round(hertz / fundamental_hz)
+    return 1 < order <= OVERTONES and abs(hertz - order * fundamental_hz) < OVERTONE_HZ
+
+
+@njit(**OPTIONS)
+def _own_share(seen, taken, power):
+    """Share of the power that is a line's own: what has been taken out at its frequency with what turns is another's.
+
+    Beside a strong order something is always left, for it is neither quite steady nor its speed quite known.
+    """
+    here = seen[SHARE] * power
+    there = 0.0
+    for i in range(taken.shape[0]):
+        if abs(taken[i, 0] - seen[HERTZ]) < LINE_WIDTH_HZ:
+            there = max(there, taken[i, 1] ** 2)
+    return seen[SHARE] * (here / (here + there)) if here > 0.0 else seen[SHARE]
+
+
+@njit(**OPTIONS)
+def _order_odds(seen, found, odds):
+    """Log odds for self-excitation by its place among the orders: chatter may be anywhere, forced lines are not."""
+    if math.isnan(seen[TEETH_BY_CHANCE]):
+        return odds.unknown_speed
+    if math.isnan(seen[BY_CHANCE]):
+        return 0.0
+    forced = (
+        FORCED_AT_TEETH * seen[NEAR_TEETH] / seen[TEETH_BY_CHANCE]
+        + FORCED_AT_ROTATION * seen[NEAR] / seen[BY_CHANCE]
+        + FORCED_OFF_ORDERS * (1.0 - seen[NEAR]) / (1.0 - seen[BY_CHANCE])
+    )
+    if found and forced < 1.0:  # what was found may be another machine's comb
+        return odds.off_found
+    return -math.log(forced)

@@ -1,0 +1,74 @@
+"""What lines say for self-excitation, against what is defined plainly."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from chatter_monitor.kernels.heard import BY_CHANCE, FIELDS, HERTZ, NEAR, NEAR_TEETH, TEETH_BY_CHANCE
+from chatter_monitor.kernels.kinds import LINE
+from chatter_monitor.kernels.lines import NEWS, SHARE
+from chatter_monitor.kernels.testimony import witness
+from chatter_monitor.kernels.vibrations import Odds
+
+ODDS = Odds(unknown_speed=-0.6, off_found=0.5)
+NOTHING = np.empty((0, 2))
+
+
+def said_of(heard, *, taken=NOTHING, found=False, spindle=False, growth=0.0, power=2.0):
+    lines = np.empty(len(heard), LINE)
+    witness(heard, taken, found, spindle, growth, power, ODDS, lines)
+    return lines
+
+
+def line(hertz, share=0.5, near=0.0, by_chance=0.2, near_teeth=0.0, teeth_by_chance=0.1):
+    row = np.zeros(FIELDS)
+    row[[HERTZ, SHARE, NEWS]] = hertz, share, 1.5
+    row[[NEAR, BY_CHANCE, NEAR_TEETH, TEETH_BY_CHANCE]] = near, by_chance, near_teeth, teeth_by_chance
+    return row
+
+
+@pytest.mark.parametrize(
+    ("place", "found", "odds"),
+    [
+        ((0.0, math.nan, 0.0, math.nan), False, -0.6),  # nobody knows the speed
+        ((0.0, math.nan, 1.0, 0.9), False, 0.0),  # orders so dense that each frequency is one
+        ((1.0, 0.2, 1.0, 0.1), False, -math.log(0.75 / 0.1 + 0.2 / 0.2)),
+        ((1.0, 0.2, 0.0, 0.1), False, -math.log(0.2 / 0.2) + 0.0),
+        ((0.0, 0.2, 0.0, 0.1), False, -math.log(0.05 / 0.8)),
+        ((0.0, 0.2, 0.0, 0.1), True, 0.5),  # off a comb that may be another machine's
+        ((1.0, 0.2, 1.0, 0.1), True, -math.log(0.75 / 0.1 + 0.2 / 0.2)),
+    ],
+)
+def test_odds_are_those_of_its_place(place, found, odds):
+    """Forced lines are at multiples of the teeth, of the rotation, or off both, in known shares."""
+    (said,) = said_of(np.array([line(500.0, 0.5, *place)]), found=found)
+    assert said["order_odds"] == pytest.approx(odds)
+
+
+@pytest.mark.parametrize(("spindle", "place", "rise"), [(True, 0.0, 1.5), (False, 0.0, 0.0), (True, 1.0, 0.0)])
+def test_news_count_off_the_orders_of_a_spindle_that_is_heard(spindle, place, rise):
+    """What is new in this cut counts as risen by as much, but on an order, or where no spindle is heard."""
+    (said,) = said_of(np.array([line(500.0, 0.5, place, 0.2, place)]), spindle=spindle)
+    assert (said["long_rise"], said["absolute_rise"]) == (rise, rise)
+
+
+def test_the_share_of_a_line_is_its_own_and_that_of_its_overtones():
+    """Beside what is taken out less is its own; overtones count off the orders, with what is their own."""
+    heard = np.array([line(500.0, 0.3), line(1001.0, 0.2), line(1530.0, 0.1)])
+    taken = np.array([[510.0, 0.5], [1010.0, 0.2], [300.0, 9.0]])
+    own = np.array([0.3, 0.2, 0.1])
+    own[:2] *= own[:2] * 2.0 / (own[:2] * 2.0 + np.array([0.5, 0.2]) ** 2)
+    said = said_of(heard, taken=taken)
+    assert said["dominance"] == pytest.approx([own[0] + own[1], *own[1:]])
+    assert said["power"].tolist() == [2.0] * 3
+
+
+def test_growth_is_the_strongest_lines():
+    """What grows from rotation to rotation is many lines; it counts as the strongest, wherever that is."""
+    said = said_of(np.array([line(500.0, 0.2, 1.0, 0.2, 1.0), line(700.0, 0.3, 1.0, 0.2, 1.0)]), growth=1.0)
+    assert said["growth"].tolist() == [0.0, 1.0]
+    assert said["order_odds"][1] == 0.5
+    assert said["dominance"].tolist() == pytest.approx([0.2, 1.0 - math.exp(-2.0)])
