@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
-from chatter_monitor.discrepancy.augment import Augmented, Start, augment, calibrated, fullest
+from chatter_monitor.discrepancy.augment import DAMPING_KNOWN, Augmented, Start, augment, calibrated, fullest
+from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.columns import beside
 from chatter_monitor.discrepancy.diagnosis import offset_beside
 from chatter_monitor.discrepancy.findings import IN_WORDS, of_term
 from chatter_monitor.discrepancy.in_part.amplitude import named_above
 from chatter_monitor.discrepancy.in_part.models import begins_above
-from chatter_monitor.discrepancy.innovations import Diverged
+from chatter_monitor.discrepancy.innovations import Diverged, Innovations
 from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
 from chatter_monitor.discrepancy.name import MOST_TERMS, PRICE_NATS, SURE_NATS, Scored
 from chatter_monitor.discrepancy.observer import Linear
@@ -24,6 +26,7 @@ from chatter_monitor.physics.parts import AppliedTerm
 REST_NATS = 6.0
 REST_SHARE, FITTED_REST_SHARE = 0.2, 0.02
 SECOND_SHARE = 0.8  # of what a second name explains that another power or symmetry of the first may explain, too
+DAMPED_SD = 1.96  # by which the machine's damping beside a law may differ from the model file's: two-sided 95 %
 RIVALS = 3  # fitted fully
 RIVAL_NATS, RIVAL_SHARE = 6.0, 0.05  # how near to the leader's evidence, for that
 
@@ -113,12 +116,16 @@ def _fullest(case: Case) -> tuple[Scored, Augmented, list[Omission]] | None:
     price = PRICE_NATS * sum(len(omission.parameters) for omission in machine)
     starts = [Start((_applied(case, scored),), _retuned(inn.linear, scored), inn.terms, price) for scored in rivals]
     for scored, start in list(zip(rivals, starts, strict=True)):
-        if (without := _without_width(start.found[0])) is not None:
-            rivals.append(scored)
-            starts.append(replace(start, found=(without,)))
+        others = [
+            *(replace(start, found=(each,)) for each in _without_width(start.found[0])),
+            *(replace(start, linear=linear) for linear in _at_stated_speed(case, scored)),
+        ]
+        rivals += [scored] * len(others)
+        starts += others
     with_machine = len(rivals)
     if machine:
-        alone = [scored for scored in rivals if not scored.candidate.term.chip_thickness]
+        delayed = base.linear.delay_s is not None  # where the tool leaves the cut, it has this delay
+        alone = [scored for scored in rivals if not (delayed and scored.candidate.term.chip_thickness)]
         # Where a mode more fits the spectrum, the first of the two is nearer to the machine than one mode for both.
         first = replace(inn.linear, modes=inn.linear.modes[:1])
         of_one = len(inn.linear.modes) == 1
@@ -156,17 +163,28 @@ def _retuned(linear: Linear, scored: Scored) -> Linear:
 def _applied(case: Case, scored: Scored) -> AppliedTerm:
     fitted = dict(zip(scored.columns, scored.fit.coefficients, strict=True))
     coefficients = [float(fitted.get(column, 0.0)) for column in scored.all_columns]
-    if scored.candidate.term.chip_thickness:  # the delay that the base was found to have is the same force
+    if scored.candidate.term.chip_thickness and case.base.linear.delay_s is not None:  # that delay is the same force
         coefficients = [case.base.linear.regeneration]
     return AppliedTerm(scored.candidate.term, scored.candidate.with_coefficients(coefficients))
 
 
-def _without_width(applied: AppliedTerm) -> AppliedTerm | None:
-    """The term without a shape that it may go without, as friction may without a width; None if there is none."""
+def _without_width(applied: AppliedTerm) -> list[AppliedTerm]:
+    """The term without a shape that it may go without, as friction may without a width; none if it has none."""
     spare = {p.name: 0.0 for p in applied.term.parameters if not p.linear and p.default == 0.0}
     if all(applied.parameters.get(name, 0.0) == 0.0 for name in spare):
-        return None
-    return AppliedTerm(applied.term, {**applied.parameters, **spare})
+        return []
+    return [AppliedTerm(applied.term, {**applied.parameters, **spare})]
+
+
+def _at_stated_speed(case: Case, scored: Scored) -> list[Linear]:
+    """The linear machine with the delay that the model file states, where the tool leaves the cut.
+
+    There the comb in the spectrum, from which the base has its delay, is bent, and the delay is not fitted here.
+    """
+    spindle, linear = case.system.spindle, case.innovations.linear
+    if not scored.candidate.term.chip_thickness or linear.spindle in (None, spindle):
+        return []
+    return [replace(linear, spindle=spindle)]
 
 
 def _left(case: Case, augmented: Augmented) -> Unnamed:
@@ -194,4 +212,27 @@ def _other_laws(case: Case, augmented: Augmented, left: Unnamed) -> list[str]:
             strange.append(f"a force like {IN_WORDS[name]}, but one that {POWERS_AND_SIDES[clearest]}")
         elif (shape := out_of_range(augmented.innovations, applied, parameters)) is not None:
             strange.append(f"a force like {IN_WORDS[name]}, but with a {shape.replace('_', ' ')} beyond that of one")
+        elif _dissipates(augmented.innovations, applied) and (ratio := _damped_otherwise(case, augmented)):
+            strange.append(
+                f"a force like {IN_WORDS[name]}, but beside it the machine is damped {ratio:.2g} times as much as in "
+                "the model, which may be a part of the force"
+            )
     return strange
+
+
+def _dissipates(inn: Innovations, applied: AppliedTerm) -> bool:
+    """Whether a force depends on the velocity, or on an internal state."""
+    term, (sd_x, sd_v) = applied.term, scales(inn.motion)
+    felt = {term.force(sd_x, v, 0.0, 0.0, sd_v / sd_x, 0.0, applied.values) for v in (0.0, sd_v)}
+    return term.memory_rate is not None or len(felt) > 1
+
+
+def _damped_otherwise(case: Case, augmented: Augmented) -> float | None:
+    """Damping of the machine beside the named forces over that of the model file, if that is another.
+
+    A force that grows with the root of the velocity is dry friction and a damper but for a few per cent. Whether
+    what dissipates is one force or two, only what is known of the machine tells.
+    """
+    known, fitted = case.system.modes[0].damping_ratio, augmented.system.modes[0].damping_ratio
+    sd = math.hypot(DAMPING_KNOWN, augmented.damping_sd / fitted)
+    return fitted / known if abs(math.log(fitted / known)) > DAMPED_SD * sd else None

@@ -36,7 +36,7 @@ _DAMPINGS = (0.0, 0.1, 1.0, 10.0, 100.0)  # of a step (Levenberg and Marquardt),
 _HOPE = 3.0  # times what the next step promises: as much a model may still gain
 _LARGEST_STEP = 0.5  # relative, of a shape
 _DERIVATIVE_STEP = 0.02
-_DAMPING_KNOWN = 0.3  # of the logarithm: what the model file says of the damping, with the tails of Cauchy's law
+DAMPING_KNOWN = 0.3  # of the logarithm: what the model file says of the damping, with the tails of Cauchy's law
 _NOISE_STEP, _LARGEST_NOISE_STEP = 0.1, 3.0  # of the logarithm of the noise
 _AS_GIVEN = ("cutting_speed_m_s",)  # parameters that are not fitted
 # Of a velocity over which friction fades, over that of the tool: that of the narrowest candidate. What the observer
@@ -62,6 +62,8 @@ class Augmented:
         What a change of each parameter that was fitted adds to the errors: of modes, terms, nuisance, whitener.
     gain_nats : float
         Gain of the whitened likelihood over the base model, on all samples, errors of the nonlinear filter itself.
+    damping_sd : float
+        Standard deviation of the first mode's damping ratio; 0 if that was not fitted.
     """
 
     system: MachiningSystem
@@ -69,6 +71,7 @@ class Augmented:
     parameters: list[dict[str, tuple[float, float]]]
     columns: list[Vector]
     gain_nats: float
+    damping_sd: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +163,7 @@ class _Climb:
         if self.here is None:
             return math.inf
         ratio = self.model.linear.modes[0].damping_ratio / self.case.system.modes[0].damping_ratio
-        surprise = math.log1p((math.log(ratio) / _DAMPING_KNOWN) ** 2)
+        surprise = math.log1p((math.log(ratio) / DAMPING_KNOWN) ** 2)
         return self.here.loss + self.price_nats + self._price(self.here.sd) + surprise
 
     def _price(self, sd: Vector) -> float:
@@ -211,7 +214,8 @@ class _Climb:
                 parameters[knob.term - model.first][knob.name] = (model.value(knob), float(sd))
         gain = _loss(self.case.innovations, self.case.weight) - here.loss
         system = calibrated(self.case, model.linear, model.terms)
-        return Augmented(system, here.innovations, parameters, here.columns, gain)
+        damping_sd = next((float(sd) for k, sd in zip(model.knobs, here.sd, strict=False) if k == _DAMPING), 0.0)
+        return Augmented(system, here.innovations, parameters, here.columns, gain, damping_sd)
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,6 +224,9 @@ class _Knob:
 
     name: str
     term: int | None = None
+
+
+_DAMPING = _Knob("damping_ratio")
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +251,7 @@ class _Model:
     @property
     def knobs(self) -> list[_Knob]:
         """What is fitted; several modes stay as they are."""
-        free = [_Knob("frequency_hz"), _Knob("damping_ratio"), _Knob("noise")] if len(self.linear.modes) == 1 else []
+        free = [_Knob("frequency_hz"), _DAMPING, _Knob("noise")] if len(self.linear.modes) == 1 else []
         for number, applied in enumerate(self.terms[self.first :], self.first):
             for parameter in applied.term.parameters:
                 value = applied.parameters.get(parameter.name, parameter.default or 0.0)

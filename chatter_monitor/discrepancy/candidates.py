@@ -23,8 +23,9 @@ SHAPES: dict[tuple[str, str], tuple[str, tuple[float, ...]]] = {
     ("loss_of_contact", "chip_thickness"): ("x", (0.3, 0.6, 1.0, 1.5, 2.2, 3.0)),
     ("cutting_force_nonlinearity", "cutting_speed_m_s"): ("1", (1.0,)),
 }
+_NO_COMB = 1.0  # rms displacements: a tool that leaves the cut at less makes no comb in the spectrum
 # What one recording cannot tell from viscous damping, and what the spectrum tells: lines, and the comb of a delay.
-ELSEWHERE = ("process_damping", "periodic_forcing", "regenerative_delay", "loss_of_contact")
+ELSEWHERE = ("process_damping", "periodic_forcing", "regenerative_delay")
 # x, v, lagged, memory over their rms, as far out as the widest shapes above
 _PROBES = tuple((1.3 * s, 0.3 * s * s - 0.8, -0.4 * s, 0.4 * s) for s in (-3.1, -1.3, -0.4, 0.2, 0.9, 2.3))
 
@@ -107,7 +108,7 @@ def candidates(
     present : sequence of str
         Terms that the model has already.
     regenerates : bool
-        The machine has a delay; then the tool may leave the cut.
+        The machine is known to have a delay. A tool that leaves the cut early has one that the spectrum does not show.
     shapes : mapping
         Grid of the shape parameters.
     """
@@ -115,13 +116,15 @@ def candidates(
     found = []
     for term in CATALOGUE.values():
         leaves = regenerates and term.chip_thickness is not None
-        if (term.name in ELSEWHERE and not leaves) or term.name in present or (term.delayed and spindle is None):
+        if term.name in (*ELSEWHERE, *present) or (term.delayed and spindle is None):
             continue
         linear = tuple(i for i, p in enumerate(term.parameters) if p.linear)
         shaped = [i for i in range(len(term.parameters)) if i not in linear]
         grids = []
         for i in shaped:
             relative, multiples = shapes[term.name, term.parameters[i].name]
+            if term.chip_thickness and not regenerates:
+                multiples = tuple(m for m in multiples if m <= _NO_COMB)
             grids.append([scale[relative] * m for m in multiples])
         for point in product(*grids):
             searched = sum(len(grid) > 1 and value != 0.0 for grid, value in zip(grids, point, strict=True)) - leaves

@@ -94,7 +94,12 @@ def _entries(
     for candidate in tried:
         for i in candidate.linear:
             forces.setdefault(candidate.acts(i, size), (candidate.term, candidate.unit(i)))
-    at = dict(zip(forces, add("terms", inn.of_terms([*forces.values()])), strict=True))
+    signatures = inn.of_terms([*forces.values()])
+    leaving = [i for i, (term, _) in enumerate(forces.values()) if term.chip_thickness]
+    if leaving and inn.linear.delay_s is None:  # then they have to explain more than a delay does
+        (lagged,) = inn.respond([inn.motion.lagged])
+        signatures[leaving] -= np.outer(signatures[leaving] @ lagged / (lagged @ lagged), lagged)
+    at = dict(zip(forces, add("terms", signatures), strict=True))
     return [(candidate, [at[candidate.acts(i, size)] for i in candidate.linear]) for candidate in tried]
 
 

@@ -24,3 +24,15 @@ def test_a_force_that_two_terms_share_is_one():
     stribeck = next(c for c in candidates(*size, None) if c.name == "stribeck_friction")
     assert dry.acts(0, size) == stribeck.acts(0, size)
     assert dry.acts(0, size) != stribeck.acts(1, size)
+
+
+def test_a_tool_that_leaves_the_cut_early_needs_no_delay_in_the_spectrum():
+    """A long chip without a delay that was found is that delay; and without a spindle nothing is delayed."""
+
+    def chips(spindle, regenerates):
+        tried = candidates(1.0, 2e3, spindle, regenerates=regenerates)
+        return [(c.values[1], c.shapes) for c in tried if c.name == "loss_of_contact"]
+
+    assert chips(Spindle(6000.0), regenerates=True)[-1] == (3.0, 0)
+    assert chips(Spindle(6000.0), regenerates=False) == [(0.3, 1), (0.6, 1), (1.0, 1)]
+    assert chips(None, regenerates=False) == []

@@ -13,7 +13,7 @@ from chatter_monitor.discrepancy.linear import fit_base
 from chatter_monitor.discrepancy.name import subspace_p
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.prove.blind.case import make_case
-from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE, FAULTS
+from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE, FAULTS, OUTSIDE
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.model_file import read_model
 from chatter_monitor.physics.parts import Mode, Sensor, Spindle
@@ -242,6 +242,28 @@ def test_damping_takes_no_part_of_a_force_for_its_own(kind, number, tmp_path):
     (tmp_path / "model.toml").write_text(made.model, encoding="utf-8")
     report = conclude(examine(recorded_from(made.samples, 12800.0), read_model(tmp_path / "model.toml"))).report
     assert [term.name for term in report.terms] == list(effect.names), report.summary
+
+
+@pytest.mark.parametrize("number", [138, 148])
+def test_a_tool_that_is_out_of_the_cut_for_long_is_named(number, tmp_path):
+    """The spectrum shows no delay (138), or one that is 1 % off (148)."""
+    made = make_case(next(effect for effect in CATALOGUE if effect.kind == "loss of contact"), 130363, number)
+    (tmp_path / "model.toml").write_text(made.model, encoding="utf-8")
+    report = conclude(examine(recorded_from(made.samples, 12800.0), read_model(tmp_path / "model.toml"))).report
+    assert [term.name for term in report.terms] == ["loss_of_contact"], report.summary
+
+
+@pytest.mark.parametrize(
+    ("kind", "number", "like"),
+    [("damping √|v|", 121, "dry friction"), ("damping in one direction", 137, "cutting force")],
+)
+def test_a_law_that_takes_the_damping_of_the_machine_along_is_no_name(kind, number, like, tmp_path):
+    """Dry friction and twice the damping of the model file are nearly one force, of the root of the velocity."""
+    made = make_case(next(effect for effect in OUTSIDE if effect.kind == kind), 130363, number)
+    (tmp_path / "model.toml").write_text(made.model, encoding="utf-8")
+    report = conclude(examine(recorded_from(made.samples, 12800.0), read_model(tmp_path / "model.toml"))).report
+    assert report.verdict == "unknown", report.summary
+    assert f"like {like}" in report.summary or f"like a {like}" in report.summary
 
 
 def test_friction_may_go_without_a_width(tmp_path):

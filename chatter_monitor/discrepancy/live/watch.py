@@ -29,6 +29,7 @@ from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import Spindle
+from chatter_monitor.physics.terms import CATALOGUE
 
 FASTEST = 0.45  # mode, over the rate of the signal
 KEEP_S = 64.0  # of the signal, and the longest window
@@ -199,7 +200,8 @@ class Watch:
         base = result.base
         size = scales(base.motion)
         present = [applied.term.name for applied in base.terms]
-        tried = candidates(*size, base.linear.spindle, present, shapes=COARSE)
+        leaving = [term.name for term in CATALOGUE.values() if term.chip_thickness]  # no surface is kept here
+        tried = candidates(*size, base.linear.spindle, [*present, *leaving], shapes=COARSE)
         units: dict[tuple[float, ...], tuple[Candidate, int]] = {}
         for candidate in tried:
             for i in candidate.linear:
