@@ -117,8 +117,8 @@ def by_stage(watch: Stopwatch, samples: Samples, spindle: SpindleSettings) -> li
 
     found = watch.time("margin", lambda: [margin_of(f.signal, o) for f, o in zip(frames, turned, strict=True)])
     seen = [
-        Observation(frame, order, line, cutting, margin[-1], entering)  # type: ignore[arg-type]
-        for frame, order, (line, cutting, entering), margin in zip(frames, turned, lines, found, strict=True)
+        Observation(frame, order, line, cutting, margin[-1], *engaged)  # type: ignore[arg-type]
+        for frame, order, (line, cutting, *engaged), margin in zip(frames, turned, lines, found, strict=True)
     ]
     return watch.time("verdict", lambda: judge(seen, spindle))
 

@@ -34,13 +34,14 @@ STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 
 # Indices of what is known of the air: its level, the logarithm of the power that it does not reach, that of the cut
 # before it, and frames since it ended, those in which the tool enters and all; frames since the cut has got lighter;
-# and the whole power before it fell, as long as it has not come back.
-LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, WHOLE = range(7)
+# the whole power before it fell, as long as it has not come back; and whether the cut before it was no louder between
+# the lines.
+LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, WHOLE, ALONE = range(8)
 
 
 def new_air():
     """Nothing is known of it; the tool is in the cut."""
-    return np.array([-math.inf, -math.inf, -math.inf, LONGEST, math.inf, 0.0, -math.inf])
+    return np.array([-math.inf, -math.inf, -math.inf, LONGEST, math.inf, 0.0, -math.inf, 0.0])
 
 
 @njit(**OPTIONS)
@@ -57,7 +58,7 @@ def engaged(levels, powers, crests, fainter, head, air, scratch):
         Whether most of what is heard goes on, fainter.
     head : int
         Column after the newest, counted from the start without wrapping.
-    air : ndarray of float64, shape (7,)
+    air : ndarray of float64, shape (8,)
         What is known of the air, changed in place.
     scratch : ndarray, shape (>= BEFORE,)
         Work space.
@@ -73,11 +74,14 @@ def engaged(levels, powers, crests, fainter, head, air, scratch):
         last, then = (head - 2) % columns, (head - 1 - FALLING) % columns
         level_before = _before(levels, head, air[ALIKE], scratch)
         power_before = _before(powers, head, air[ALIKE], scratch)
-        if max(level, levels[last]) <= level_before - FALL:
+        fell_between = max(level, levels[last]) <= level_before - FALL
+        only_noise = max(crests[newest], crests[last]) < NOISE
+        if fell_between or (only_noise and max(power, powers[last]) <= power_before - FALL):
             out = not fainter
             air[ALIKE] = air[ALIKE] if out else 0.0
         if out:
             air[LEVEL], air[LIMIT], air[CUT] = level, max(power_before - FALL, power + NEAR), power_before
+            air[ALONE] = not fell_between
         elif air[ENTERED] >= LONGEST:
             rose, louder = level - levels[then], power - powers[then] >= FALL
             out = louder and power_before <= air[CUT] - FALL and rose >= FALL

@@ -63,7 +63,7 @@ class LineState(NamedTuple):
         the most prominent line, infinite where something turned.
     cutting : ndarray of bool, shape (frames,)
         Whether the tool was in the cut in each frame.
-    air : ndarray of float64, shape (7,)
+    air : ndarray of float64, shape (8,)
         What is known of the air (`kernels.engagement`).
     counts : ndarray of int64, shape (5,)
     sums : ndarray of float64, shape (bins + 1,)

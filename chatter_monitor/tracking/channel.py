@@ -35,6 +35,8 @@ class Observation:
         How far the cut is from chatter, where the speed is known.
     entering : bool
         Whether it enters the cut just now.
+    alone : bool
+        Whether of the cut before nothing was heard but lines.
     """
 
     odp: OdpFrame
@@ -43,6 +45,7 @@ class Observation:
     cutting: bool
     margin: Margin
     entering: bool = False
+    alone: bool = False
 
 
 class Channel:
@@ -127,8 +130,8 @@ class Channel:
         orders = [self._waiting.popleft() for _ in odps]
         lines = [lines_of(self._spectrum, odp, turned) for odp, turned in zip(odps, orders, strict=True)]
         margins = [self._margin_of(odp, turned) for odp, turned in zip(odps, orders, strict=True)]
-        for odp, turned, (found, cutting, entering), margin in zip(odps, orders, lines, margins, strict=True):
-            yield Observation(odp, turned, found, cutting, margin, entering)
+        for odp, turned, (found, cutting, *engaged), margin in zip(odps, orders, lines, margins, strict=True):
+            yield Observation(odp, turned, found, cutting, margin, *engaged)
 
     def _margin_of(self, frame: OdpFrame, orders: Orders) -> Margin:
         """Margin at the end of a frame; the delay is known only with the spindle, not with any comb."""
@@ -139,7 +142,7 @@ class Channel:
         return self._last_margin
 
 
-def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[NDArray[np.float64], bool, bool]:
-    """Lines of a frame, and whether the tool is in the cut or enters it."""
+def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[NDArray[np.float64], bool, bool, bool]:
+    """Lines of a frame; whether the tool is in the cut, enters it, and nothing but lines was heard of the last one."""
     found = spectrum.take(frame.signal, alike=not orders.returned, turns=orders.heard, fainter=orders.fainter)
-    return found, spectrum.cutting, spectrum.entering
+    return found, spectrum.cutting, spectrum.entering, spectrum.alone

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels import lines
-from chatter_monitor.kernels.engagement import ENTERED, LONGEST, SINCE
+from chatter_monitor.kernels.engagement import ALONE, ENTERED, LONGEST, SINCE
 from chatter_monitor.kernels.kinds import COHERENCE_LAG_S, coherence_damping, steady_share
 from chatter_monitor.kernels.narrowband import FRAME_HOPS
 
@@ -110,6 +110,11 @@ class Spectrum:
     def entering(self) -> bool:
         """Whether it is not in the cut yet, but in the air no more."""
         return not self.cutting and bool(self._state.air[SINCE] > 0)
+
+    @property
+    def alone(self) -> bool:
+        """Whether of the cut before this air nothing was heard but lines: they came and left with the tool."""
+        return bool(self._state.air[ALONE])
 
     def take(
         self, signal: NDArray[np.float64], *, alike: bool = True, turns: bool = False, fainter: bool = False

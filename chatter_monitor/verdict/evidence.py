@@ -119,8 +119,9 @@ class Evidence(NamedTuple):
         What turns with the spindle.
     margin : Margin
         How far the cut is from chatter.
-    cutting, entering : bool
-        The tool is in the cut, as far as is known; it enters it just now.
+    cutting, entering, alone : bool
+        The tool is in the cut, as far as is known; it enters it just now; of the cut before nothing was heard but
+        lines.
     held : bool
         No sample of the interval could be adapted to: nothing moves.
     starting : bool
@@ -141,6 +142,7 @@ class Evidence(NamedTuple):
     rms: float
     flags: Flag
     entering: bool = False
+    alone: bool = False
 
     @property
     def power(self) -> float:
@@ -169,6 +171,7 @@ def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
         rms=frame.rms / math.sqrt(max(1.0 - orders.synchronous_share, 1e-6)),
         flags=frame.flags,
         entering=observation.entering,
+        alone=observation.alone,
     )
 
 

@@ -249,13 +249,13 @@ class Judge:
         if deaf:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif (quiet := _quiet(evidence, memory, settings)) is not None:
-            self._following.rest()
+            self._following.rest(forget=evidence.alone)
             memory = memory._replace(told=Told())
             view = Opinion("idle", 0.95, (quiet,))
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         elif evidence.entering:
-            self._following.rest()
+            self._following.rest(forget=evidence.alone)
             repeating = repeating_share(evidence.orders, Told())
             memory = memory._replace(told=Told(), repeating=repeating, forced_share=repeating)
             view = _entering(memory, settings)

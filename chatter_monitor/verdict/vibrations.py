@@ -124,9 +124,9 @@ class Following:
             self._work = np.empty_like(self._vibrations)
             self._lines, self._taken = np.empty(2 * size, LINE), np.empty(2 * size, np.bool_)
 
-    def rest(self) -> None:
-        """Remember, while nothing is cut, only which vibrations have chattered."""
-        known = self._vibrations[: self._known]
+    def rest(self, *, forget: bool = False) -> None:
+        """Remember, while nothing is cut, only which vibrations have chattered; or forget those, too."""
+        known = self._vibrations[: 0 if forget else self._known]
         known = known[known["chattered"] & (known["over"] < FORGOTTEN_CHATTER)]
         for name, probability in zip(Kinds._fields, CALMED, strict=True):
             known[name] = probability

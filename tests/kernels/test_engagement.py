@@ -75,6 +75,17 @@ def test_a_tool_that_enters_slowly_is_in_the_cut_when_the_level_stays():
     assert all(told(cut(60), room(60), *endless)[120 + engagement.LONGEST + 1 :])
 
 
+def test_a_cut_of_which_only_lines_are_heard_ends_when_nothing_but_noise_is_left():
+    """A line may be all that a louder room leaves of a cut; what it leaves behind is the air, if that has no lines."""
+    lone = (60, AIR, CUT, STANDS_OUT)
+    heard = told(lone, room(60, crest=NOISE), lone)
+    assert all(heard[:60])
+    assert not any(heard[62:120])
+    assert not any(heard[120:123])  # it enters
+    assert all(heard[126:])
+    assert all(told(lone, room(60), lone))  # lines that go on are those of a cut
+
+
 def test_a_blow_is_no_cut():
     """After a blow in the air it is the air again at once."""
     after = told(cut(60), room(60), cut(2), room(60))[120:]

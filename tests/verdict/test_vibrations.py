@@ -295,3 +295,13 @@ def test_at_rest_only_chatter_is_remembered():
     assert len(following.follow(interval(), RULES).vibrations) == 1
     following.rest()
     assert not len(following.follow(interval(), RULES).vibrations)
+
+
+def test_what_came_and_left_with_the_tool_is_forgotten():
+    """Of a cut of which only its lines were heard none has grown in the cut."""
+    following = Following()
+    for _ in range(40):
+        told = following.follow(interval(1000.0), RULES)
+    assert told.alarm is not None
+    following.rest(forget=True)
+    assert not len(following.follow(interval(), RULES).vibrations)
