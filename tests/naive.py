@@ -292,16 +292,23 @@ def news(history: NDArray[np.float64], cutting: NDArray[np.bool_], since: int, b
 def follow_all(
     before: list[NaiveVibration], lines: list[np.void], rules: vibrations.Rules, weights: NDArray[np.float64]
 ) -> list[NaiveVibration]:
-    """Vibrations after another interval, the most suspicious first: they choose their lines in that order."""
-    left = list(lines)
-    for vibration in before:
-        nearest = min(left, key=lambda line: abs(np.log(line["frequency_hz"] / vibration.hertz)), default=None)
-        if nearest is not None and vibration.is_it(nearest):
-            left.remove(nearest)
-            vibration.interval(nearest, rules, weights)
-        else:
-            vibration.interval(None, rules, weights)
-    for line in left:
+    """Vibrations after another interval, the most suspicious first: pairs of them and lines, the nearest first.
+
+    Those that an alarm is about choose before the others.
+    """
+    away = [
+        (vibration.alarm_for == 0, abs(np.log(line["frequency_hz"] / vibration.hertz)), v, n)
+        for v, vibration in enumerate(before)
+        for n, line in enumerate(lines)
+        if vibration.is_it(line)
+    ]
+    own: dict[int, int] = {}
+    for _, _, v, n in sorted(away):
+        if v not in own and n not in own.values():
+            own[v] = n
+    for v, vibration in enumerate(before):
+        vibration.interval(lines[own[v]] if v in own else None, rules, weights)
+    for line in (line for n, line in enumerate(lines) if n not in own.values()):
         before.append(NaiveVibration(line["frequency_hz"], line["order_odds"], line["dominance"], line["power"]))
         before[-1].interval(line, rules, weights)
     return sorted((v for v in before if v.chattered or v.missed < vibrations.FORGOTTEN), key=lambda v: -v.self_excited)

@@ -120,8 +120,8 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
     Parameters
     ----------
     vibrations : ndarray of VIBRATION, shape (>= known + m,)
-        The first ``known`` are the vibrations so far; each takes the nearest line that those ahead of it have left.
-        Overwritten with the vibrations after the interval, the most suspicious first.
+        The first ``known`` are the vibrations so far; overwritten
+        with the vibrations after the interval, the most suspicious first.
     known : int
     lines : ndarray of LINE, shape (m,)
         Prominent lines of the interval. What none has taken begins a vibration.
@@ -136,16 +136,14 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
     int
         How many there are.
     """
-    taken[:] = False
+    _share_out(vibrations, known, lines, taken)
     count = 0
     for i in range(known):
         vibration = work[count]
         work[count] = vibrations[i]
-        vibration.line = _line_of(vibration, lines, taken)
         if vibration.line == NO_LINE:
             _unheard(vibration, rules)
         else:
-            taken[vibration.line] = True
             _heard(vibration, lines[vibration.line], rules, weights)
         if vibration.missed < FORGOTTEN or vibration.chattered:
             count += 1
@@ -172,18 +170,47 @@ def _suspicion(vibration):
 
 
 @njit(**OPTIONS)
-def _line_of(vibration, lines, taken):
-    """The nearest of the lines that are left, if it is near enough."""
-    nearest = NO_LINE
+def _share_out(vibrations, known, lines, taken):
+    """Give each line to the vibration that it is nearest to, the nearest pair first, each at most one of the other.
+
+    Not to the most suspicious within reach: one that wanders would take the line of another with its own past. But what
+    an alarm is about comes first.
+    """
+    taken[:] = False
+    for i in range(known):
+        vibrations[i].line = NO_LINE
+    for alarmed in (True, False):
+        for _ in range(lines.shape[0]):
+            owner, owned = _nearest(vibrations, known, lines, taken, alarmed)
+            if owner == NO_LINE:
+                break
+            vibrations[owner].line = owned
+            taken[owned] = True
+
+
+@njit(**OPTIONS)
+def _nearest(vibrations, known, lines, taken, alarmed):
+    """The vibration without a line and the line that is left that are nearest to each other, if near enough."""
+    least = math.inf
+    owner = owned = NO_LINE
+    for i in range(known):
+        vibration = vibrations[i]
+        if vibration.line == NO_LINE and (vibration.alarm_for > 0) == alarmed:
+            reach = _reach(vibration)
+            for j in range(lines.shape[0]):
+                if not taken[j]:
+                    away = abs(math.log(lines[j].frequency_hz / vibration.frequency_hz))
+                    if away < min(reach, least):
+                        least, owner, owned = away, i, j
+    return owner, owned
+
+
+@njit(**OPTIONS)
+def _reach(vibration):
+    """How far away a line may be that belongs to it (natural logarithm)."""
     if vibration.missed < FORGOTTEN:
-        distance = max(SAME_VIBRATION, LINE_WIDTH_HZ / vibration.frequency_hz)
-    else:
-        distance = max(COMES_BACK, COMES_BACK_HZ / vibration.frequency_hz)
-    for i in range(lines.shape[0]):
-        away = abs(math.log(lines[i].frequency_hz / vibration.frequency_hz))
-        if away < distance and not taken[i]:
-            nearest, distance = i, away
-    return nearest
+        return max(SAME_VIBRATION, LINE_WIDTH_HZ / vibration.frequency_hz)
+    return max(COMES_BACK, COMES_BACK_HZ / vibration.frequency_hz)
 
 
 @njit(**OPTIONS)

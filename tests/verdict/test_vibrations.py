@@ -133,6 +133,17 @@ def test_after_a_silence_the_same_vibration_is_nearer(hertz, missed, away, same)
     assert len(followed(known, line)) == (1 if same else 2)
 
 
+def test_a_line_belongs_to_the_vibration_that_is_nearest():
+    """A suspicious one that wanders does not take the line of one that was followed there, with its own past."""
+    known = np.zeros(2, VIBRATION)
+    known["frequency_hz"], known["growing"], known["steady"] = (1050.0, 1000.0), (0.5, 0.0), (0.5, 1.0)
+    known["unexplained"], known["glided"] = 0.9, (0, 50)
+    both = followed(known, lines_of(interval(1005.0, 1045.0), Odds()))
+    assert sorted(both[["frequency_hz", "glided"]].tolist()) == [(1005.0, 49), (1045.0, 0)]
+    one = followed(known, lines_of(interval(1005.0), Odds()))
+    assert sorted(one[["frequency_hz", "glided", "missed"]].tolist()) == [(1005.0, 49, 0), (1050.0, 0, 1)]
+
+
 def interval(*frequencies_hz, rising=True):
     behaviour = (0.7, 60.0, 2.3, 3.0, 3.0) if rising else (0.02, 0.0, 0.0, 0.0, 0.0)
     vibrations = heard(*(Vibration(Line(hertz, 0.9, 35.0, *behaviour, 0.99), None) for hertz in frequencies_hz))
