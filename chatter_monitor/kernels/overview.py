@@ -18,8 +18,9 @@ class Overview(NamedTuple):
 
     Attributes
     ----------
-    suspicion : float
-        Probability that the most suspicious has risen and that nothing that turns explains it.
+    suspicion, heard_suspicion : float
+        Probability that the most suspicious has risen and that nothing that turns explains it; that of the most
+        suspicious that is heard.
     alarm, suspect, steadiest : int
         Number of the one that the running alarm began with; of the most suspicious that is heard; of that with most
         steady power, which is none of what has chattered, for that dies down as calmly. `NONE` where there is none.
@@ -28,6 +29,7 @@ class Overview(NamedTuple):
     """
 
     suspicion: float = 0.0
+    heard_suspicion: float = 0.0
     alarm: int = NONE
     suspect: int = NONE
     steadiest: int = NONE
@@ -38,20 +40,20 @@ class Overview(NamedTuple):
 @njit(**OPTIONS)
 def overview(vibrations, lines):
     """Look over vibrations after an interval, an array of VIBRATION, and its lines, an array of LINE."""
-    suspicion = 0.0
+    suspicion = heard_suspicion = 0.0
     alarm = suspect = steadiest = NONE
     longest = 0
     most = steady = chattered = 0.0
     for i in range(vibrations.shape[0]):
         vibration = vibrations[i]
-        if i == 0:
-            suspicion = (vibration.growing + vibration.saturated) * vibration.unexplained
+        suspicious = (vibration.growing + vibration.saturated) * vibration.unexplained
+        suspicion = max(suspicion, suspicious)
         if vibration.alarm_for > longest:
             alarm, longest = i, vibration.alarm_for
         if vibration.line == NO_LINE:
             continue
         if suspect == NONE:
-            suspect = i
+            suspect, heard_suspicion = i, suspicious
         line = lines[vibration.line]
         if vibration.chattered:
             chattered += line.share
@@ -60,7 +62,7 @@ def overview(vibrations, lines):
         steady += own
         if own > most:
             steadiest, most = i, own
-    return Overview(suspicion, alarm, suspect, steadiest, steady, chattered)
+    return Overview(suspicion, heard_suspicion, alarm, suspect, steadiest, steady, chattered)
 
 
 @njit(**OPTIONS)

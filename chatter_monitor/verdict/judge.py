@@ -129,14 +129,16 @@ class Opinion(NamedTuple):
 
 def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opinion:
     """What an interval is, given what has been followed so far."""
-    _, alarm, suspect, *_ = memory.told
+    told = memory.told
+    alarm = told.alarm
     if alarm is not None:
         return Opinion("self_excited", alarm.self_excited, reasons.chatter(alarm, evidence.orders.growth), alarm.heard)
-    calm = 1.0 - memory.told.suspicion
+    calm = 1.0 - told.overview.suspicion
     forced = _forced_by(memory.forced_share)
     if memory.synchronous > MOST:
         return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
-    if suspect is not None and suspect.self_excited >= settings.warning_probability:
+    suspect = told.suspect if told.overview.heard_suspicion >= settings.warning_probability else None
+    if suspect is not None:
         return Opinion("approaching", WARNING_RIGHT * calm, (reasons.warned(suspect),), suspect.heard)
     if evidence.orders.growth > 0.0:
         return Opinion("approaching", WARNING_RIGHT * calm, (reasons.grown(evidence.orders.growth),))

@@ -18,7 +18,7 @@ from chatter_monitor.kernels import overview as kernel
 from chatter_monitor.kernels.binding import bound
 from chatter_monitor.kernels.heard import FIELDS
 from chatter_monitor.kernels.kinds import LINE, Kinds
-from chatter_monitor.kernels.overview import NONE
+from chatter_monitor.kernels.overview import NONE, Overview
 from chatter_monitor.kernels.testimony import witness
 from chatter_monitor.kernels.vibrations import CALMED, FORGOTTEN_CHATTER, NO_LINE, VIBRATION, Odds, Rules
 from chatter_monitor.tracking.orders import Orders
@@ -28,7 +28,8 @@ from chatter_monitor.verdict.weights import CALM, GROWTH
 # Vibrations that there is room for at first.
 ROOM = 64
 
-NOTHING_TAKEN = np.empty((0, 2))
+NOTHING_KNOWN, NOTHING_TAKEN, NO_VIBRATIONS = Overview(), np.empty((0, 2)), np.empty(0, VIBRATION)
+NOT_HEARD = Heard(np.empty((0, FIELDS)), np.empty((0, 4)))
 _WEIGHTS = np.array([(*weights.per_measure, weights.offset) for weights in (GROWTH, CALM)])
 
 
@@ -64,32 +65,60 @@ class Followed(NamedTuple):
         return self.kinds.risen * self.unexplained
 
 
-class Told(NamedTuple):
-    """What is told of all vibrations of an interval (`kernels.overview`).
+class Told:
+    """What is told of all vibrations of an interval; those become objects that something is said about.
 
-    Attributes
+    Parameters
     ----------
-    suspicion : float
-        Probability that the most suspicious has risen and nothing that turns explains it.
-    alarm, suspect, steadiest : Followed or None
-        The one that the running alarm began with; the most suspicious that is heard; that with most steady power.
-    steady_share, chattered_share : float
-        Shares of the power that are steady, and in lines of what has chattered.
+    overview : Overview
+        What they come to.
     vibrations : ndarray of VIBRATION
         All of them, the most suspicious first, until the next interval.
+    heard : Heard
+        Lines of the interval.
     """
 
-    suspicion: float = 0.0
-    alarm: Followed | None = None
-    suspect: Followed | None = None
-    steadiest: Followed | None = None
-    steady_share: float = 0.0
-    chattered_share: float = 0.0
-    vibrations: NDArray[np.void] = np.empty(0, VIBRATION)
+    __slots__ = ("_heard", "overview", "vibrations")
+
+    def __init__(
+        self,
+        overview: Overview = NOTHING_KNOWN,
+        vibrations: NDArray[np.void] = NO_VIBRATIONS,
+        heard: Heard = NOT_HEARD,
+    ) -> None:
+        self.overview = overview
+        self.vibrations = vibrations
+        self._heard = heard
+
+    @property
+    def alarm(self) -> Followed | None:
+        """The one that the running alarm began with."""
+        return self._followed(self.overview.alarm)
+
+    @property
+    def suspect(self) -> Followed | None:
+        """The most suspicious that is heard."""
+        return self._followed(self.overview.suspect)
+
+    @property
+    def steadiest(self) -> Followed | None:
+        """That with most steady power."""
+        return self._followed(self.overview.steadiest)
 
     def is_forced(self, frequency_hz: float, reach: float) -> bool:
         """Whether there is a forced vibration within so much of a frequency (natural logarithm)."""
         return bool(kernel.forced_at(self.vibrations, frequency_hz, reach))
+
+    def _followed(self, number: int) -> Followed | None:
+        if number == NONE:
+            return None
+        frequency_hz, noise, growing, saturated, steady, unexplained, alarm_for, chattered, line, *_ = self.vibrations[
+            number
+        ].tolist()
+        heard = None if line == NO_LINE else self._heard[line]
+        return Followed(
+            frequency_hz, Kinds(noise, growing, saturated, steady), unexplained, alarm_for, chattered, heard
+        )
 
 
 class Following:
@@ -109,12 +138,11 @@ class Following:
         """Follow them through another interval."""
         heard = evidence.vibrations
         self._make_room(len(heard))
-        self._known, (suspicion, *numbers, steady, chattered) = self._another_interval(
+        self._known, overview = self._another_interval(
             *(self._vibrations, self._known, _testimony(evidence), rules),
             *(_WEIGHTS, self._lines, self._taken, self._work),
         )
-        alarm, suspect, steadiest = (None if number == NONE else self._followed(number, heard) for number in numbers)
-        return Told(suspicion, alarm, suspect, steadiest, steady, chattered, self._vibrations[: self._known])
+        return Told(overview, self._vibrations[: self._known], heard)
 
     def _make_room(self, lines: int) -> None:
         """Take more memory, if that many lines may be more than there is room for."""
@@ -137,27 +165,17 @@ class Following:
         self._known = len(known)
         self._vibrations[: self._known] = known
 
-    def _followed(self, number: int, vibrations: Heard) -> Followed:
-        """One of them, in an interval with these lines."""
-        frequency_hz, noise, growing, saturated, steady, unexplained, alarm_for, chattered, line, *_ = self._vibrations[
-            number
-        ].tolist()
-        heard = None if line == NO_LINE else vibrations[line]
-        return Followed(
-            frequency_hz, Kinds(noise, growing, saturated, steady), unexplained, alarm_for, chattered, heard
-        )
-
 
 def steady_share(synchronous: float, told: Told) -> float:
     """Share of the power that turns with the spindle, or is in steady lines that have not chattered."""
-    return synchronous + (1.0 - synchronous) * min(told.steady_share, 1.0)
+    return synchronous + (1.0 - synchronous) * min(told.overview.steady_share, 1.0)
 
 
 def repeating_share(orders: Orders, told: Told) -> float:
     """Share of the power that repeats, but for that of what has chattered or regenerates: that repeats, too."""
     if orders.growth > 0.0:
         return 0.0
-    return orders.repeating_share - (1.0 - orders.synchronous_share) * told.chattered_share
+    return orders.repeating_share - (1.0 - orders.synchronous_share) * told.overview.chattered_share
 
 
 def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:

@@ -43,9 +43,9 @@ def test_overview_is_what_it_says(seed, count):
     steady = np.maximum(own["share"] * (1.0 - (own["variation"] / NOISE_VARIATION) ** 2), 0.0)
     steady[~heard | vibrations["chattered"]] = 0.0
     seen = overview(vibrations, lines)
-    if count:
-        risen = vibrations["growing"][0] + vibrations["saturated"][0]
-        assert seen.suspicion == pytest.approx(risen * vibrations["unexplained"][0])
+    suspicion = (vibrations["growing"] + vibrations["saturated"]) * vibrations["unexplained"]
+    assert seen.suspicion == pytest.approx(max(suspicion, default=0.0))
+    assert seen.heard_suspicion == pytest.approx(next(iter(suspicion[heard]), 0.0))
     assert seen.alarm == first(vibrations["alarm_for"])
     assert seen.suspect == first(heard)
     assert seen.steadiest == first(steady)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chatter_monitor.kernels.kinds import Kinds
+from chatter_monitor.kernels.kinds import LINE, Kinds
+from chatter_monitor.kernels.overview import Overview, overview
+from chatter_monitor.kernels.vibrations import VIBRATION
 from chatter_monitor.records import Flag
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.orders import OrderLine, Orders
@@ -60,8 +63,12 @@ def evidence(*vibrations, critical=None, orders=UNKNOWN_SPEED, margin=NO_MARGIN,
 
 def remembered(vibration):
     """Memory of an interval in which this was the only vibration."""
-    alarm = vibration if vibration.alarm_for else None
-    return Memory(1.0, Told(vibration.self_excited, alarm, vibration))
+    records = np.zeros(1, VIBRATION)
+    for name, probability in vibration.kinds._asdict().items():
+        records[name] = probability
+    for name in ("frequency_hz", "unexplained", "alarm_for", "chattered"):
+        records[name] = getattr(vibration, name)
+    return Memory(1.0, Told(overview(records, np.zeros(1, LINE)), records, heard(vibration.heard)))
 
 
 CALM, NEAR = evidence(critical=mode(0.02)), evidence(critical=mode(0.001))
@@ -403,7 +410,7 @@ def test_a_comb_that_is_lost_is_no_reason():
 def test_what_has_chattered_repeats_and_is_not_forced():
     """The share of a vibration that has chattered does not count as forced while it rings on."""
     orders = UNKNOWN_SPEED._replace(repeating_share=0.9)
-    assert repeating_share(orders, Told(chattered_share=0.8)) == pytest.approx(0.1)
+    assert repeating_share(orders, Told(Overview(chattered_share=0.8))) == pytest.approx(0.1)
     assert repeating_share(orders, Told()) == 0.9
 
 
