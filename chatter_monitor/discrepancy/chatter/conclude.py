@@ -18,7 +18,7 @@ from chatter_monitor.discrepancy.chatter.growth import (
     regeneration_of,
     vibration,
 )
-from chatter_monitor.discrepancy.chatter.limit import augmented, chip_sd, plateau_of
+from chatter_monitor.discrepancy.chatter.limit import Limit, augmented, chip_sd, limit_of, limits_of
 from chatter_monitor.discrepancy.findings import IN_WORDS, estimate
 from chatter_monitor.discrepancy.report import (
     Alternative,
@@ -121,7 +121,7 @@ def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model:
     units = {p.name: p.unit for p in applied.term.parameters}
     sd = {"coefficient": float(made.sd[2])}
     if "chip_thickness" in applied.parameters:
-        sd["chip_thickness"] = chip_sd(made, model, found.mode)
+        sd["chip_thickness"] = chip_sd(found, made, model)
     parameters: dict[str, Estimate] = {
         name: estimate(value, sd[name], units[name]) for name, value in applied.parameters.items()
     }
@@ -136,12 +136,12 @@ def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model:
     )
     p = float(stats.chi2.sf(2.0 * max(made.gain_nats, 0.0), 2))
     finding = Finding(applied.term.name, sense, parameters, beyond, p, why)
-    reached = plateau_of(model) if math.isfinite(found.plateau) else None
+    reached = limit_of(model, found.frequency_hz) if math.isfinite(found.plateau) else None
     excitation = SelfExcitation(
         found.frequency_hz,
         found.plateau if reached else None,
-        reached[1] if reached else None,
-        reached[0] if reached else None,
+        reached.frequency_hz if reached else None,
+        reached.amplitude if reached else None,
         growth,
         before,
         found.rises_s[0],
@@ -170,12 +170,27 @@ def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model:
             "The chip thickness is the one at which the simulation stays at the amplitude of the recording; "
             "its interval is what mode and coefficient leave open."
         )
+    if reached is not None:
+        warnings += _other_limits(model, reached)
     return Report(
         "missing_physics", summary, _located(found, made, Statistic("lag", made.gain_nats, p)), [finding],
         [Alternative("a delay that is none of the spindle's", made.wrong_nats)], [],
         Fit([], None, None, beyond, beyond / math.log(2.0), None, None), calibration, warnings,
         self_excitation=excitation,
     )  # fmt: skip
+
+
+def _other_limits(model: MachiningSystem, reached: Limit) -> list[str]:
+    """What there is to say where other noise takes the same cut elsewhere."""
+    limits = list(limits_of(model))
+    elsewhere = [limit for limit in limits if not limit.is_at(reached.frequency_hz)]
+    if not elsewhere:
+        return []
+    one = elsewhere[0]
+    return [
+        f"The simulation can stay elsewhere, too: with other noise {len(elsewhere)} of {len(limits)} runs come to "
+        f"another limit, as at {one.frequency_hz:.4g} Hz with {one.amplitude:.3g} u."
+    ]
 
 
 def why_not(system: MachiningSystem, found: Vibration, made: Regeneration | None) -> str:

@@ -1,13 +1,15 @@
 """The limit of a cut that chatters: where the vibration stays the tool leaves the cut, and its size tells the chip's.
 
 The amplitude of the limit is fitted, so what a simulation can be held to is its frequency, and the chip where it is
-known.
+known. With many waves in the delay there is more than one limit, a wave more or less; the noise decides which one a cut
+comes to. So several runs are looked at, each with other noise.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +19,26 @@ from chatter_monitor.discrepancy.chatter.growth import Regeneration, Vibration
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm
-from chatter_monitor.physics.simulate import simulate
+from chatter_monitor.physics.simulate import Simulation, simulate
 from chatter_monitor.physics.terms import CATALOGUE
 
-_RUN_S, _RUNS = 6.0, 3
+_RUN_S, _TRIALS = 6.0, 3
 _CLOSE = 0.02  # to which runs reach the recording's amplitude
+_NOISES = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Limit:
+    """Where a simulated cut stays in the last third of a run: amplitude, u, and frequency, Hz."""
+
+    amplitude: float
+    frequency_hz: float
+    run: Simulation
+
+    def is_at(self, frequency_hz: float) -> bool:
+        """Whether it is the one at a frequency: it has as many waves in the delay."""
+        spindle = self.run.system.spindle
+        return spindle is None or abs(self.frequency_hz - frequency_hz) * spindle.delay_s < 0.5
 
 
 def augmented(found: Vibration, made: Regeneration, system: MachiningSystem) -> MachiningSystem:
@@ -51,51 +68,62 @@ def augmented(found: Vibration, made: Regeneration, system: MachiningSystem) -> 
         return replace(system, terms=(*terms, delay))
     chip = found.plateau
     model = system
-    for _ in range(_RUNS):
+    for _ in range(_TRIALS):
         cut = AppliedTerm(CATALOGUE["loss_of_contact"], {"coefficient": made.coefficient, "chip_thickness": chip})
         model = replace(system, terms=(*terms, cut))
-        reached = plateau_of(model)
-        if reached is None or abs(reached[0] / found.plateau - 1.0) < _CLOSE:
+        reached = limit_of(model, found.frequency_hz)
+        if reached is None or abs(reached.amplitude / found.plateau - 1.0) < _CLOSE:
             break
-        chip *= found.plateau / reached[0]
+        chip *= found.plateau / reached.amplitude
     return model
 
 
-def plateau_of(system: MachiningSystem, seed: int = 1) -> tuple[float, float] | None:
-    """Amplitude at which a simulated cut stays, u, and its frequency, Hz; None if it does not stay."""
+def limits_of(system: MachiningSystem) -> Iterator[Limit]:
+    """Where simulated cuts stay, each with other noise; nothing of those that do not stay."""
     rate = 16.0 * max(mode.frequency_hz for mode in system.modes)
-    try:
-        run = simulate(system, _RUN_S, seed, rate, settle_s=0.1).displacement
-    except InputError:
-        return None
-    late = run[int(0.7 * run.size) :]
-    frequency, density = dsp.periodogram(late * np.hanning(late.size), rate, nfft=8 * late.size)
-    return float(np.sqrt(2.0) * np.std(late)), float(frequency[np.argmax(density)])
+    for seed in range(1, _NOISES + 1):
+        try:
+            run = simulate(system, _RUN_S, seed, rate, settle_s=0.1)
+        except InputError:
+            continue
+        late = run.displacement[int(0.7 * run.displacement.size) :]
+        frequency, density = dsp.periodogram(late * np.hanning(late.size), rate, nfft=8 * late.size)
+        yield Limit(float(np.sqrt(2.0) * np.std(late)), float(frequency[np.argmax(density)]), run)
 
 
-def chip_sd(made: Regeneration, model: MachiningSystem, number: int) -> float:
+def limit_of(system: MachiningSystem, frequency_hz: float) -> Limit | None:
+    """The limit at a frequency, if there is one there; any other if not, and none if nothing stays."""
+    other = None
+    for limit in limits_of(system):
+        if limit.is_at(frequency_hz):
+            return limit
+        other = other or limit
+    return other
+
+
+def chip_sd(found: Vibration, made: Regeneration, model: MachiningSystem) -> float:
     """Standard deviation of the chip thickness: what else it would be with the mode and the coefficient elsewhere.
 
     Parameters
     ----------
+    found : Vibration
     made : Regeneration
     model : MachiningSystem
         As from `augmented`, with a chip.
-    number : int
-        Of the mode that chatters, from 0.
 
     Returns
     -------
     float
         A vibration that would not stay with a parameter one standard deviation away counts as a factor of e.
     """
-    chip, here = model.terms[-1].parameters["chip_thickness"], plateau_of(model)
+    chip, frequency_hz = model.terms[-1].parameters["chip_thickness"], found.frequency_hz
+    here = limit_of(model, frequency_hz)
     if here is None:
         return chip
     variance = _CLOSE**2
     for column in np.linalg.cholesky(made.covariance).T:
-        there = [plateau_of(_shifted(made, model, number, sign * column)) for sign in (1.0, -1.0)]
-        variance += float(np.mean([math.log(at[0] / here[0]) ** 2 if at else 1.0 for at in there]))
+        there = [limit_of(_shifted(made, model, found.mode, sign * column), frequency_hz) for sign in (1.0, -1.0)]
+        variance += float(np.mean([math.log(at.amplitude / here.amplitude) ** 2 if at else 1.0 for at in there]))
     return chip * math.sqrt(variance)
 
 

@@ -6,14 +6,12 @@ import numpy as np
 from scipy import signal as dsp
 
 from chatter_monitor.discrepancy.chatter.conclude import ChatterDiagnosis
-from chatter_monitor.errors import InputError
-from chatter_monitor.physics.simulate import simulate
+from chatter_monitor.discrepancy.chatter.limit import limit_of
 from chatter_monitor.reports.diagnosis.document import document
 from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, RECORDED, figure_of, titled
 
 _SHOWN = 12  # periods
-_RUN_S = 6.0
-SEED = 1
+_RESOLVED_S = 0.5
 
 
 def page_chatter(diagnosis: ChatterDiagnosis, name: str) -> str:
@@ -32,24 +30,30 @@ def _picture(diagnosis: ChatterDiagnosis) -> str:
         begin, end = found.rises_s[0]
         line = np.linspace(begin, end, 2)
         top = float(np.interp(end, t, found.amplitude))
-        left.semilogy(line, top * np.exp(excitation.growth_per_s * (line - end)), color=AUGMENTED, lw=2, label="root")
+        left.semilogy(
+            line,
+            top * np.exp(excitation.growth_per_s * (line - end)),
+            color=AUGMENTED,
+            lw=2,
+            label="growth of the augmented model",
+        )
     left.set(xlabel="time, s", ylabel="amplitude, u", title="amplitude at the vibration")
     left.legend(fontsize="small")
     begin_s, end_s = found.steady_s or (0.5 * t[-1], t[-1])
     steady = diagnosis.whole.samples[int(begin_s * rate) : int(end_s * rate)]
-    runs = [(steady, RECORDED, "recording")]
+    runs = [(steady, rate, RECORDED, "recording")]
     if diagnosis.made is not None and diagnosis.made.sure:
-        try:
-            run = simulate(diagnosis.model, _RUN_S, SEED, rate, settle_s=0.1).signal / diagnosis.model.sensor.gain
-            runs.append((run[int(0.7 * run.size) :], AUGMENTED, "augmented"))
-        except InputError:
-            pass  # it grows without bound, which the picture shows as missing
-    for run, color, label in runs:
-        frequency, density = dsp.welch(run, rate, nperseg=min(8192, run.size))
+        limit = limit_of(diagnosis.model, found.frequency_hz)
+        if limit is not None:
+            run = limit.run.signal / diagnosis.model.sensor.gain
+            runs.append((run[int(0.7 * run.size) :], limit.run.sample_rate_hz, AUGMENTED, "augmented simulation"))
+    for run, rate, color, label in runs:
+        frequency, density = dsp.welch(run, rate, nperseg=min(round(_RESOLVED_S * rate), run.size))
         shown = frequency < 4.0 * found.frequency_hz
         middle.plot(frequency[shown], 10.0 * np.log10(density[shown] + 1e-300), color=color, lw=0.8, label=label)
         part = run[run.size // 2 :][: int(_SHOWN * rate / found.frequency_hz)]
         right.plot(1e3 * np.arange(part.size) / rate, part, color=color, lw=0.9, label=label)
     middle.set(xlabel="Hz", ylabel="dB", title="spectrum where it stays")
-    right.set(xlabel="ms", title="some periods of it")
+    middle.legend(fontsize="small")
+    right.set(xlabel="ms", ylabel=diagnosis.model.sensor.quantity, title="some periods of it")
     return titled(figure, "Rise and limit")
