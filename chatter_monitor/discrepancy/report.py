@@ -211,7 +211,7 @@ class SelfExcitation(msgspec.Struct, frozen=True):
     growth_per_s, model_growth_per_s : float, optional
         Of the characteristic root of the augmented model, and of the model as given; negative is stable.
     rises_s : (float, float), optional
-        Stretch that the regeneration was fitted to.
+        Stretch in which it rises.
     """
 
     frequency_hz: float

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 import soundfile
 from click.testing import CliRunner
+from scipy.signal import decimate
 
 from benchmarks.self_excited import RATE_HZ, draw, errors, growth_per_s, intervals_hold, record
 from chatter_monitor.cli import cli
 from chatter_monitor.discrepancy.chatter.conclude import conclude_chatter
+from chatter_monitor.discrepancy.chatter.growth import BEYOND_WRONG_NATS, regeneration_of, vibration
 from chatter_monitor.discrepancy.diagnosis import recorded_from
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.model_file import model_text, read_model
@@ -69,6 +71,40 @@ def test_too_little_regeneration_in_the_model_is_told_by_how_much(chattering):
     assert frequency < 0.01
     assert growth < 0.2
     assert amplitude < 0.2
+
+
+def test_a_cycle_tells_what_a_short_rise_does_not():
+    """Two seconds at the limit name regeneration whose rise, over within some turns, follows itself at any delay."""
+    cut, model = draw(12)
+    whole = recorded_from(record(cut, 12, 4.0), RATE_HZ)
+    rise = regeneration_of(whole, model, vibration(whole, model))
+    assert not rise.sure
+    assert rise.gain_nats < rise.wrong_nats + BEYOND_WRONG_NATS
+    found = conclude_chatter(whole, model)
+    assert [term.name for term in found.report.terms] == ["loss_of_contact"]
+    assert all(intervals_hold(cut, found).values())
+    assert np.all(np.abs(errors(cut, found)) < [0.01, 0.2, 0.2])
+
+
+def test_what_excites_itself_without_a_delay_is_no_regeneration():
+    """A force that pushes along the velocity until that is large: no delay has anything to do with it."""
+    rng = np.random.default_rng(0)
+    mode, over, fine = Mode(420.0, 0.02), 2.2, 4
+    w, step = mode.omega, 1.0 / (RATE_HZ * fine)
+    push = np.arange(round(4.0 * RATE_HZ) * fine) > 1.5 * RATE_HZ * fine
+    noise = 0.03 * np.sqrt(4.0 * mode.damping_ratio * w**3 / step) * rng.standard_normal(push.size)
+    velocity, x, v = np.empty(push.size), 0.0, 0.0
+    for i in range(push.size):
+        damping = 2.0 * mode.damping_ratio * w * (1.0 - over * push[i] * (1.0 - (v / w) ** 2))
+        v += step * (noise[i] - damping * v - w * w * x)
+        x += step * v
+        velocity[i] = v
+    samples = decimate(velocity, fine, ftype="fir")
+    samples += 0.01 * np.std(samples) * rng.standard_normal(samples.size)
+    model = MachiningSystem((Mode(422.0, 0.018),), spindle=Spindle(1500.0), sensor=Sensor("velocity"))
+    report = conclude_chatter(recorded_from(samples, RATE_HZ), model).report
+    assert report.verdict == "unknown", report.summary
+    assert "Regeneration is not named" in report.summary
 
 
 def test_without_a_spindle_chatter_is_unknown(chattering):

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from chatter_monitor.discrepancy.band import Recorded
+from chatter_monitor.discrepancy.chatter.cycle import cycle_of
 from chatter_monitor.discrepancy.chatter.growth import (
     BELIEVED_P,
     BEYOND_WRONG_NATS,
@@ -80,7 +81,9 @@ def conclude_chatter(
     found = vibration(whole, system)
     if found is None:
         return None
-    made = regeneration_of(whole, system, found)
+    rise = regeneration_of(whole, system, found)
+    cycle = cycle_of(whole, system, found, rise)
+    made = cycle if cycle is not None and cycle.sure else rise
     if made is not None and made.sure:
         progress("augmented model")
         model = augmented(found, made, system)
@@ -129,22 +132,23 @@ def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model:
     sense = f"{made.coefficient / had[0]:.2g} times as strong as in the model" if had and had[0] > 0.0 else None
     growth, before = _growth(model), _growth(system)
     beyond = made.gain_nats - made.wrong_nats
+    does = "stays" if math.isfinite(made.chip) else "rises"
     why = (
-        f"{IN_WORDS[applied.term.name].capitalize()}: while the vibration rises, the displacement "
+        f"{IN_WORDS[applied.term.name].capitalize()}: while the vibration {does}, the displacement "
         f"{1e3 * made.delay_s:.4g} ms before predicts it better by {made.gain_nats:.1f} nats, a wrong delay by "
         f"{made.wrong_nats:.1f} at most; {applied.term.equation}."
     )
     p = float(stats.chi2.sf(2.0 * max(made.gain_nats, 0.0), 2))
     finding = Finding(applied.term.name, sense, parameters, beyond, p, why)
-    reached = limit_of(model, found.frequency_hz) if math.isfinite(found.plateau) else None
+    reached = limit_of(model, found.frequency_hz) if "chip_thickness" in parameters else None
     excitation = SelfExcitation(
         found.frequency_hz,
-        found.plateau if reached else None,
+        found.plateau if reached and math.isfinite(found.plateau) else None,
         reached.frequency_hz if reached else None,
         reached.amplitude if reached else None,
         growth,
         before,
-        found.rises_s[0],
+        found.rises_s[0] if found.rises_s else None,
     )
     spoken = IN_WORDS[applied.term.name] + (f" ({sense})" if sense else "")
     summary = (
@@ -165,7 +169,7 @@ def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model:
     warnings = [
         "Mode and regeneration are fitted with the model file as prior knowledge (1 % in frequency, 30 % in damping)."
     ]
-    if "chip_thickness" in parameters:
+    if "chip_thickness" in parameters and not math.isfinite(made.chip):
         warnings.append(
             "The chip thickness is the one at which the simulation stays at the amplitude of the recording; "
             "its interval is what mode and coefficient leave open."

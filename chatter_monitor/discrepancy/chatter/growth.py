@@ -66,6 +66,10 @@ class Vibration:
         Stretches in which it rises, up to `LEAVES` of its largest amplitude.
     steady_s : (float, float), optional
         Where it stays.
+    strong_s : (float, float)
+        From where it is strong first to where it is last, whether it stays or comes and goes.
+    level : float
+        Root mean square of its amplitude there, u.
     """
 
     mode: int
@@ -75,6 +79,8 @@ class Vibration:
     plateau: float
     rises_s: tuple[tuple[float, float], ...]
     steady_s: tuple[float, float] | None
+    strong_s: tuple[float, float]
+    level: float
 
 
 def vibration(whole: Recorded, system: MachiningSystem) -> Vibration | None:
@@ -143,33 +149,38 @@ def _described(z: NDArray[np.complex128], number: int, peak_hz: float, rate: flo
         begin = int(still[-1])
         ends = [begin + int(np.argmax(smooth[begin:] > level * top)) for level in LEAVES]
         rises = [(begin / rate, end / rate) for end in ends if smooth[end] > RISES * smooth[begin]]
+    strong_s, level = (first / rate, last / rate), float(np.sqrt(np.mean(inside**2)))
     return Vibration(
-        number,
-        smooth,
-        float(np.angle(turn)) * rate / (2.0 * math.pi),
-        quiet,
-        float(np.sqrt(np.mean(inside**2))) if steady else math.nan,
-        tuple(rises),
-        (first / rate, last / rate) if steady else None,
+        mode=number,
+        amplitude=smooth,
+        frequency_hz=float(np.angle(turn)) * rate / (2.0 * math.pi),
+        quiet=quiet,
+        plateau=level if steady else math.nan,
+        rises_s=tuple(rises),
+        steady_s=strong_s if steady else None,
+        strong_s=strong_s,
+        level=level,
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Regeneration:
-    """Mode, delay and coefficient with which a rising vibration is predicted best.
+    """Mode, delay and coefficient with which a vibration that excites itself is predicted best.
 
     Attributes
     ----------
     mode : Mode
     delay_s, coefficient : float
         The coefficient counts in w^2 of the model's first mode.
-    covariance : ndarray of float64, shape (3, 3)
-        Of the mode's frequency in Hz, its damping ratio, and the coefficient. The delay is not sure either, and the
-        model file's knowledge of mode and speed counts.
+    covariance : ndarray of float64, shape (3, 3) or (4, 4)
+        Of the mode's frequency in Hz, its damping ratio, the coefficient, and the chip if that is known. The delay is
+        not sure either, and the model file's knowledge of mode and speed counts.
     gain_nats, wrong_nats : float
         What the displacement one delay before explains, and the most that a delay does which is none of the spindle's.
     misfit_p : float
         How often a model file is as far from its machine as the mode has to be.
+    chip : float
+        Thickness beyond which the tool leaves the cut, u, where that is seen; NaN otherwise.
     """
 
     mode: Mode
@@ -179,10 +190,11 @@ class Regeneration:
     gain_nats: float
     wrong_nats: float
     misfit_p: float
+    chip: float = math.nan
 
     @property
     def sd(self) -> Vector:
-        """Standard deviations of frequency, damping ratio and coefficient, shape (3,)."""
+        """Standard deviations of frequency, damping ratio, coefficient and chip, if that is known."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -233,12 +245,7 @@ def _fitted(
     shares = np.arange(-SPEED_ERROR, SPEED_ERROR + 1e-9, max(0.05 * period / nominal, 0.002))
     near = [float(nominal * (1.0 + share)) for share in shares]
     scan = _Stretch(recorded, inside, system, given, nominal, 0.0, known)
-
-    def doubt(delay: float) -> float:
-        """Speeds are nearly always as said, and now and then far from it (Cauchy), nats."""
-        return math.log1p(((delay / nominal - 1.0) / SPEED_SD) ** 2)
-
-    gains = [scan.gain(delay, given) - doubt(delay) for delay in near]
+    gains = [scan.gain(delay, given) - doubt(delay, nominal) for delay in near]
     delay = near[int(np.argmax(gains))]
     wrong = max(scan.gain(nominal * factor, given) for factor in WRONG)
     w2 = system.modes[0].omega ** 2
@@ -247,7 +254,7 @@ def _fitted(
         fine = np.linspace(-0.04, 0.04, 9) * period / (1 + step)
         here = _Stretch(recorded, inside, system, mode, delay, coefficient, known)
         around = [delay + float(shift) for shift in fine]
-        delay = around[int(np.argmax([here.gain(each, given) - doubt(each) for each in around]))]
+        delay = around[int(np.argmax([here.gain(each, given) - doubt(each, nominal) for each in around]))]
         change, sd = here.step(delay, given)
         stiffness = mode.omega**2 + change[0] * given.participation**2
         damping = 2.0 * mode.damping_ratio * mode.omega + change[1] * given.participation**2
@@ -271,6 +278,11 @@ def _fitted(
     covariance = last.covariance(delay, given) * np.outer(turn, turn)
     made = Regeneration(mode, delay, coefficient, covariance, max(gains), wrong, p)
     return made, last.even_p
+
+
+def doubt(delay_s: float, nominal_s: float) -> float:
+    """What a delay costs, nats: speeds are nearly always as said, and now and then far from it (Cauchy)."""
+    return math.log1p(((delay_s / nominal_s - 1.0) / SPEED_SD) ** 2)
 
 
 class _Stretch:

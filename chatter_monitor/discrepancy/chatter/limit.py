@@ -44,7 +44,7 @@ class Limit:
 def augmented(found: Vibration, made: Regeneration, system: MachiningSystem) -> MachiningSystem:
     """The machine with regeneration that makes the vibration; it leaves the cut where the vibration stays.
 
-    The motion is as large as the chip is thick, other things equal, so a run tells which chip belongs to an amplitude.
+    Where the chip has not been seen, runs tell it: the motion is as large as the chip is thick, other things equal.
     """
     spindle = system.spindle
     if spindle is None:
@@ -63,19 +63,24 @@ def augmented(found: Vibration, made: Regeneration, system: MachiningSystem) -> 
         spindle=replace(spindle, speed_rpm=60.0 / (spindle.teeth * made.delay_s)),
         excitation=excitation if excitation.kind != "measured" else system.excitation,
     )
+    if math.isfinite(made.chip):
+        return replace(system, terms=(*terms, _leaving(made, made.chip)))
     if not math.isfinite(found.plateau):
         delay = AppliedTerm(CATALOGUE["regenerative_delay"], {"coefficient": made.coefficient})
         return replace(system, terms=(*terms, delay))
     chip = found.plateau
     model = system
     for _ in range(_TRIALS):
-        cut = AppliedTerm(CATALOGUE["loss_of_contact"], {"coefficient": made.coefficient, "chip_thickness": chip})
-        model = replace(system, terms=(*terms, cut))
+        model = replace(system, terms=(*terms, _leaving(made, chip)))
         reached = limit_of(model, found.frequency_hz)
         if reached is None or abs(reached.amplitude / found.plateau - 1.0) < _CLOSE:
             break
         chip *= found.plateau / reached.amplitude
     return model
+
+
+def _leaving(made: Regeneration, chip: float) -> AppliedTerm:
+    return AppliedTerm(CATALOGUE["loss_of_contact"], {"coefficient": made.coefficient, "chip_thickness": chip})
 
 
 def limits_of(system: MachiningSystem) -> Iterator[Limit]:
@@ -102,7 +107,9 @@ def limit_of(system: MachiningSystem, frequency_hz: float) -> Limit | None:
 
 
 def chip_sd(found: Vibration, made: Regeneration, model: MachiningSystem) -> float:
-    """Standard deviation of the chip thickness: what else it would be with the mode and the coefficient elsewhere.
+    """Standard deviation of the chip thickness.
+
+    Where the chip has not been seen: what else it would be with the mode and the coefficient elsewhere.
 
     Parameters
     ----------
@@ -116,6 +123,8 @@ def chip_sd(found: Vibration, made: Regeneration, model: MachiningSystem) -> flo
     float
         A vibration that would not stay with a parameter one standard deviation away counts as a factor of e.
     """
+    if math.isfinite(made.chip):
+        return float(made.sd[3])
     chip, frequency_hz = model.terms[-1].parameters["chip_thickness"], found.frequency_hz
     here = limit_of(model, frequency_hz)
     if here is None:
