@@ -132,12 +132,14 @@ def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model:
     sense = f"{made.coefficient / had[0]:.2g} times as strong as in the model" if had and had[0] > 0.0 else None
     growth, before = _growth(model), _growth(system)
     beyond = made.gain_nats - made.wrong_nats
-    does = "stays" if math.isfinite(made.chip) else "rises"
-    why = (
-        f"{IN_WORDS[applied.term.name].capitalize()}: while the vibration {does}, the displacement "
-        f"{1e3 * made.delay_s:.4g} ms before predicts it better by {made.gain_nats:.1f} nats, a wrong delay by "
-        f"{made.wrong_nats:.1f} at most; {applied.term.equation}."
+    before_s = f"the displacement {1e3 * made.delay_s:.4g} ms before"
+    told = (
+        f"what disturbs a wave follows {before_s}, by {made.gain_nats:.1f} nats rather than that some waves off"
+        if math.isfinite(made.chip)
+        else f"while the vibration rises, {before_s} predicts it better by {made.gain_nats:.1f} nats, a wrong delay by "
+        f"{made.wrong_nats:.1f} at most"
     )
+    why = f"{IN_WORDS[applied.term.name].capitalize()}: {told}; {applied.term.equation}."
     p = float(stats.chi2.sf(2.0 * max(made.gain_nats, 0.0), 2))
     finding = Finding(applied.term.name, sense, parameters, beyond, p, why)
     reached = limit_of(model, found.frequency_hz) if "chip_thickness" in parameters else None

@@ -176,7 +176,8 @@ class Regeneration:
         Of the mode's frequency in Hz, its damping ratio, the coefficient, and the chip if that is known. The delay is
         not sure either, and the model file's knowledge of mode and speed counts.
     gain_nats, wrong_nats : float
-        What the displacement one delay before explains, and the most that a delay does which is none of the spindle's.
+        What the displacement one delay before explains, and the most that a delay does which is none of the spindle's;
+        over the latter where a cycle tells it.
     misfit_p : float
         How often a model file is as far from its machine as the mode has to be.
     chip : float
