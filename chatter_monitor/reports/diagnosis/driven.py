@@ -8,7 +8,7 @@ from chatter_monitor.discrepancy.driven.conclude import DrivenDiagnosis
 from chatter_monitor.reports.diagnosis.document import document
 from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, BASE, RECORDED, figure_of, titled
 
-SHOWN_S = 4.0
+_SHOWN = 30  # periods of the fastest that is looked at
 _BINS = 40
 
 
@@ -26,8 +26,9 @@ def _picture(diagnosis: DrivenDiagnosis) -> str:
     if not case.named:
         del models["augmented"]
     figure, (left, middle, right) = figure_of(1)
-    begin = max(0.0, 0.5 * float(t[-1] - SHOWN_S))
-    shown = (t >= begin) & (t <= begin + SHOWN_S)
+    shown_s = _SHOWN / found.edge_hz
+    begin = max(0.0, 0.5 * float(t[-1] - shown_s))
+    shown = (t >= begin) & (t <= begin + shown_s)
     left.plot(t[shown], found.force[shown], color=RECORDED, lw=1.2, label="measured")
     for label, (force, color) in models.items():
         left.plot(t[shown], force[shown], color=color, lw=0.9, label=label)
