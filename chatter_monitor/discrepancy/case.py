@@ -60,6 +60,8 @@ class Local:
         That explains it best; none where a spring and a damper that change do.
     units : tuple of int
         Which of its parameters are the coefficients.
+    changed : tuple of int
+        Which of spring (0) and damper (1) change there, beside it or without it.
     signatures : list of ndarray of float64, shape (n,)
         Of the units, then of that spring and damper: whitened, and confined to where it acts.
     as_likely : list of Alternative
@@ -76,6 +78,7 @@ class Local:
 
     candidate: Candidate | None
     units: tuple[int, ...]
+    changed: tuple[int, ...]
     signatures: list[Vector]
     as_likely: list[Alternative]
     held_out_nats: float

@@ -1,4 +1,4 @@
-"""A recording without a stretch of it, and a drifting offset beside a stretch."""
+"""A recording without a stretch of it, a drifting offset beside a stretch, and a machine that changes in one."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from chatter_monitor.discrepancy.band import FADE_S, Recorded, without
+from chatter_monitor.discrepancy.diagnosis import examine, recorded_from
 from chatter_monitor.discrepancy.faults import slow_drift
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.spectrum import fit, periodogram
+from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import Mode
+from chatter_monitor.reports.diagnosis.alone import concluded
 from tests.discrepancy.machine import Machine, record
 
 RATE_HZ = 1600.0
@@ -62,3 +65,25 @@ def test_a_mean_beside_a_stretch_is_no_drifting_offset():
     # Beside the gap the polynomials follow it, to what noise allows.
     beside = weight == 1.0
     assert np.corrcoef(drift[beside], t[beside] ** 2)[0, 1] > 0.8
+
+
+def test_a_damper_that_alone_changes_in_a_stretch_is_located_and_drawn():
+    """Six times the damping from 4 to 6 of 10 s, the spring as before: told, and the page has its picture."""
+    rng, rate_hz, fine, w = np.random.default_rng(5), 6400.0, 8, 2.0 * np.pi * 300.0
+    step = 1.0 / (rate_hz * fine)
+    push = np.sqrt(step) * rng.standard_normal((round(10.0 * rate_hz), fine))
+    samples, x, v = np.empty(len(push)), 0.0, 0.0
+    for i, pushes in enumerate(push):
+        damping_ratio = 0.12 if 4.0 < i / rate_hz < 6.0 else 0.02
+        for each in pushes:
+            v += each - step * (w * w * x + 2.0 * damping_ratio * w * v)
+            x += step * v
+        samples[i] = x
+    samples += 0.01 * np.std(samples) * rng.standard_normal(samples.size)
+    diagnosis, html, _ = concluded(
+        examine(recorded_from(samples, rate_hz), MachiningSystem((Mode(300.0, 0.02),))), "a damper"
+    )
+    assert [(term.name, term.why) for term in diagnosis.report.terms] == [
+        ("parameter_drift", "A machine that changes along the recording, from 4.0 to 6.0 s only.")
+    ]
+    assert "Where they differ" in html

@@ -133,7 +133,8 @@ def told(
     near = {name: _from_change(leads) if RETUNED in (name, order[0]) else APART_NATS for name in order}
     as_likely = [Alternative(name, float(names[name])) for name in order if names[name] > leads - near[name]]
     candidate = ranking[0].candidate if units else None
-    return Local(candidate, units, [columns[i] for i in leading], as_likely, held, p, between_s)
+    which = tuple(i for i, column in enumerate(retuning) if at[column] in leading)
+    return Local(candidate, units, which, [columns[i] for i in leading], as_likely, held, p, between_s)
 
 
 def _from_change(evidence_nats: float) -> float:

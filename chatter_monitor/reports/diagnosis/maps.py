@@ -55,7 +55,7 @@ def _draw_explained(axes: Axes, case: Case, local: Local, block: int) -> None:
     It rises where the force acts and falls where it does not.
     """
     retuning = case.columns["retuning"][:2]
-    everywhere = retuning
+    everywhere = [retuning[i] for i in local.changed]
     if local.candidate is not None:
         of_it = next(columns for candidate, columns in case.contest.entries if candidate == local.candidate)
         everywhere = [of_it[local.candidate.linear.index(i)] for i in local.units]
