@@ -23,7 +23,7 @@ SHAPES: dict[tuple[str, str], tuple[str, tuple[float, ...]]] = {
     ("loss_of_contact", "chip_thickness"): ("x", (0.3, 0.6, 1.0, 1.5, 2.2, 3.0)),
     ("cutting_force_nonlinearity", "cutting_speed_m_s"): ("1", (1.0,)),
 }
-_NO_COMB = 1.0  # rms displacements: a tool that leaves the cut at less makes no comb in the spectrum
+NO_COMB = 1.0  # rms displacements: a tool that leaves the cut at less makes no comb in the spectrum
 # What one recording cannot tell from viscous damping, and what the spectrum tells: lines, and the comb of a delay.
 ELSEWHERE = ("process_damping", "periodic_forcing", "regenerative_delay")
 # x, v, lagged, memory over their rms, as far out as the widest shapes above
@@ -124,7 +124,7 @@ def candidates(
         for i in shaped:
             relative, multiples = shapes[term.name, term.parameters[i].name]
             if term.chip_thickness and not regenerates:
-                multiples = tuple(m for m in multiples if m <= _NO_COMB)
+                multiples = tuple(m for m in multiples if m <= NO_COMB)
             grids.append([scale[relative] * m for m in multiples])
         for point in product(*grids):
             searched = sum(len(grid) > 1 and value != 0.0 for grid, value in zip(grids, point, strict=True)) - leaves

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy import basis
-from chatter_monitor.discrepancy.candidates import SHAPES
+from chatter_monitor.discrepancy.candidates import NO_COMB, SHAPES
 from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.delayed import Echo, find_echo
 from chatter_monitor.discrepancy.evidence import Evidence
@@ -143,6 +143,9 @@ def out_of_range(inn: Innovations, applied: AppliedTerm, parameters: dict[str, t
     scale = {"x": sd_x, "v": sd_v, "1": np.inf}  # others have bounds of their own
     for name, (value, sd) in parameters.items():
         relative, multiples = SHAPES.get((applied.term.name, name), ("1", (1.0,)))
-        if value - _BEYOND_SD * sd > max(multiples) * scale[relative]:
+        longest = max(multiples)
+        if name == applied.term.chip_thickness and inn.linear.delay_s is None:
+            longest = NO_COMB
+        if value - _BEYOND_SD * sd > longest * scale[relative]:
             return name
     return None
