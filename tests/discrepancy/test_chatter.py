@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ from chatter_monitor.discrepancy.chatter.growth import BEYOND_WRONG_NATS, regene
 from chatter_monitor.discrepancy.diagnosis import recorded_from
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.model_file import model_text, read_model
-from chatter_monitor.physics.parts import Mode, Sensor, Spindle
+from chatter_monitor.physics.parts import Excitation, Mode, Sensor, Spindle
+from chatter_monitor.physics.simulate import simulate
 from tests.discrepancy.machine import Machine
 from tests.discrepancy.machine import record as record_stable
 
@@ -129,6 +131,16 @@ def test_a_machine_in_noise_does_not_chatter():
         machine = Machine(effect, 0.03, frequency_hz=220.0, seconds=6.0, quantity="velocity")
         model = MachiningSystem((Mode(220.0, 0.02),), spindle=Spindle(3000.0), sensor=Sensor("velocity"))
         assert conclude_chatter(recorded_from(record_stable(machine, 130), 12800.0), model) is None
+
+
+def test_a_stable_cut_near_its_limit_does_not_chatter():
+    """At nine tenths of its limit it is coherent for longer than the mode is, and the tool never leaves the cut."""
+    cut, model = draw(6)
+    stable = replace(cut.machine(0.9 * cut.limit), excitation=Excitation("white_noise", intensity=1.0))
+    recorded = recorded_from(simulate(stable, 8.0, 0, RATE_HZ, settle_s=2.0).signal, RATE_HZ)
+    lacking = MachiningSystem(model.modes, spindle=model.spindle, sensor=model.sensor)
+    assert vibration(recorded, lacking) is not None
+    assert conclude_chatter(recorded, lacking) is None
 
 
 def test_a_tone_that_was_always_there_is_not_called_self_excited():

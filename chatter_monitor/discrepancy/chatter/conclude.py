@@ -87,6 +87,8 @@ def conclude_chatter(
     if made is not None and made.sure:
         progress("augmented model")
         model = augmented(found, made, system)
+        if _growth(model) < 0.0:
+            return None  # near its limit a stable cut is coherent for long, too; what it lacks is told the ordinary way
         return ChatterDiagnosis(_named(system, found, made, model), whole, found, made, model)
     risen = found.rises_s and float(np.quantile(found.amplitude, 0.95)) > RISEN * found.quiet
     if not risen or _may_be_forced(found, system):

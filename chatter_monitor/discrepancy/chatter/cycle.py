@@ -56,6 +56,7 @@ LOWEST = np.array([-3.0, -3.0, -6.0, -6.0, -0.5, -8.0])
 # How far the filter's steps, within which the tool leaves the cut, put coefficient, chip, frequency and damping off.
 APPROXIMATE = np.array([0.03, 0.02, 0.1, 0.1, 0.0, 0.0])
 FROM_AFAR, FROM_NEAR = 20, 6  # steps
+DETERMINED = 1e-9  # least eigenvalue of information scaled to a diagonal of 1; rounding is 1e-16
 FAR = 1e3  # errors of a model that runs away, over those of one that does not
 # Errors are not whitened: a whitener predicts whatever repeats, and takes a wrong model's cycle for noise.
 _AS_THEY_ARE = np.eye(1, ORDER + 1)[0]
@@ -244,6 +245,10 @@ def _covariance(cycle: _Cycle, fitted: _Fitted) -> NDArray[np.float64] | None:
     moved = [cycle.errors(fitted.model + step) - errors for step in np.diag(SLOPE)]
     columns = np.stack(moved) / (SLOPE[:, None] * size)
     information = columns @ columns.T + np.diag(PRIOR_SD**-2.0)
-    if not np.isfinite(information).all() or float(np.linalg.eigvalsh(information)[0]) <= 0.0:
+    known = np.sqrt(np.diag(information))
+    if not np.isfinite(information).all() or not known.all():  # a tool that stays in the cut tells no chip
         return None
-    return np.asarray(np.linalg.inv(information), dtype=np.float64) + np.diag(APPROXIMATE**2)
+    relative = information / np.outer(known, known)
+    if float(np.linalg.eigvalsh(relative)[0]) < DETERMINED:
+        return None
+    return np.asarray(np.linalg.inv(relative) / np.outer(known, known), dtype=np.float64) + np.diag(APPROXIMATE**2)
