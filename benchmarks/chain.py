@@ -34,7 +34,8 @@ from chatter_monitor.tracking.spectrum import Spectrum
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S, Tracker, TrackerSettings
 from chatter_monitor.verdict.evidence import weigh
-from chatter_monitor.verdict.judge import Judge, JudgeSettings
+from chatter_monitor.verdict.judge import Judge
+from chatter_monitor.verdict.settings import JudgeSettings
 
 RATE_HZ = 12800.0
 BLOCK = 32768

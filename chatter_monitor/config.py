@@ -25,7 +25,7 @@ from chatter_monitor.outlets.publisher import PublishSettings
 from chatter_monitor.tracking.orders import OrderSettings
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import TrackerSettings
-from chatter_monitor.verdict.judge import JudgeSettings
+from chatter_monitor.verdict.settings import JudgeSettings
 
 
 class MachineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

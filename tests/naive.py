@@ -294,8 +294,10 @@ def follow_all(
 ) -> list[NaiveVibration]:
     """Vibrations after another interval, the most suspicious first: pairs of them and lines, the nearest first.
 
-    Those that an alarm is about choose before the others.
+    Those that an alarm is about choose before the others. For two seconds after an alarm another one is as easily had.
     """
+    if any(v.chattered and v.over < 40 for v in before):
+        rules = rules._replace(alarm_probability=rules.calm_probability)
     away = [
         (vibration.alarm_for == 0, abs(np.log(line["frequency_hz"] / vibration.hertz)), v, n)
         for v, vibration in enumerate(before)

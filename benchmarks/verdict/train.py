@@ -27,7 +27,7 @@ from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import TrackerSettings
 from chatter_monitor.verdict import weights
 from chatter_monitor.verdict.evidence import Evidence, weigh
-from chatter_monitor.verdict.judge import JudgeSettings
+from chatter_monitor.verdict.settings import JudgeSettings
 from chatter_monitor.verdict.vibrations import Following, lines_of
 
 NOISE, GROWTH, CALM = range(3)

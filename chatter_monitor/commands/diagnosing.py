@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from chatter_monitor.commands.archives import do_archive, is_archive, refuse_given
-from chatter_monitor.commands.options import BETWEEN, CHANNEL, DEBUG, JOBS, JSON, SCHEDULER, print_json
+from chatter_monitor.commands.options import BETWEEN, CHANNEL, DEBUG, JOBS, JSON, SCHEDULER, print_json, print_report
 
 
 @click.command()
@@ -83,13 +83,7 @@ def diagnose(
             input_channel=input_channel,
             progress=progress,
         )
-    if as_json:
-        click.echo(report.to_json())
-        return
-    for line in lines(report):
-        click.echo(line)
-    for path in written:
-        click.echo(f"wrote {path}")
+    print_report(as_json, report.to_json(), lines(report), written)
 
 
 @click.command()

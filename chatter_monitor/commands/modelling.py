@@ -7,7 +7,7 @@ from typing import Literal
 
 import click
 
-from chatter_monitor.commands.options import BETWEEN, CHANNEL, CONFIG, DEBUG, JSON, print_json
+from chatter_monitor.commands.options import BETWEEN, CHANNEL, CONFIG, DEBUG, JSON, print_json, print_report
 
 
 @click.command()
@@ -76,10 +76,4 @@ def identify(
         between_s=between_s,
         band_hz=band_hz,
     )
-    if as_json:
-        click.echo(result.to_json())
-        return
-    for line in lines(result):
-        click.echo(line)
-    for path in written:
-        click.echo(f"wrote {path}")
+    print_report(as_json, result.to_json(), lines(result), written)

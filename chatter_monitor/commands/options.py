@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
@@ -26,3 +27,14 @@ def print_json(value: object) -> None:
     import msgspec
 
     click.echo(msgspec.json.encode(value))
+
+
+def print_report(as_json: bool, json: bytes, lines: Iterable[str], written: Iterable[Path]) -> None:
+    """Print a report as JSON, or its lines and which files have been written."""
+    if as_json:
+        click.echo(json)
+        return
+    for line in lines:
+        click.echo(line)
+    for path in written:
+        click.echo(f"wrote {path}")

@@ -12,12 +12,13 @@ from chatter_monitor.discrepancy.candidates import Candidate
 from chatter_monitor.discrepancy.ceiling import Surface
 from chatter_monitor.discrepancy.delayed import Echo
 from chatter_monitor.discrepancy.evidence import Evidence
-from chatter_monitor.discrepancy.faults import Clipping, Line, Restlessness
+from chatter_monitor.discrepancy.faults import Clipping, Restlessness
 from chatter_monitor.discrepancy.innovations import Innovations
 from chatter_monitor.discrepancy.linear import Base
 from chatter_monitor.discrepancy.locate import Modulation
 from chatter_monitor.discrepancy.name import Contest, Scored
 from chatter_monitor.discrepancy.report import Alternative, Statistic
+from chatter_monitor.discrepancy.tones import Tone
 from chatter_monitor.physics.model import MachiningSystem
 
 Vector = NDArray[np.float64]
@@ -116,7 +117,7 @@ class Case:
     base: Base
     innovations: Innovations
     clipped: Clipping | None = None
-    tones: list[Line] = field(default_factory=list)
+    tones: list[Tone] = field(default_factory=list)
     unrest: Restlessness | None = None
     offset_p: float = 1.0
     but_s: tuple[float, float] | None = None

@@ -48,10 +48,8 @@ def gather(case: Case) -> None:
     unrest = case.unrest = restlessness(inn.white, case.telling, recorded.rate_hz)
     if unrest.kind == "nonstationary_excitation":
         add("nuisance", [_swelling_noise(inn, unrest)])
-    t = np.arange(recorded.samples.size)
     for tone in case.tones:
-        turn = 2.0 * np.pi * tone.frequency_hz / recorded.rate_hz * t
-        add("nuisance", [np.cos(turn), np.sin(turn)])
+        add("nuisance", tone.waves(recorded))
     sd_x, sd_v = basis.scales(motion)
     present = [applied.term.name for applied in case.system.terms]
     tried = candidates(sd_x, sd_v, inn.linear.spindle, present, inn.linear.delay_s is not None)

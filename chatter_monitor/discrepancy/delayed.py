@@ -89,6 +89,8 @@ def find_echo(inn: Innovations, left: Vector, weight: Vector) -> Echo:
     past = np.conj(fft.rfft(np.stack([x[0], v[0]]), size))
     best = Echo(0.0, "", 0.0, 1.0)
     for part, there, squares in zip(PARTS, within, _squares(inn, x, within, lags, weight), strict=True):
+        if squares == 0.0:  # never there
+            continue
         explained = known * there[0]
         explained[1:] += predicted[1:] * there[1][:-1]
         spring, damper = fft.irfft(fft.rfft(explained, size) * past, size)[:, lags]

@@ -14,13 +14,7 @@ from chatter_monitor.discrepancy.case import SURE, Case
 from chatter_monitor.discrepancy.ceiling import ceiling
 from chatter_monitor.discrepancy.columns import gather
 from chatter_monitor.discrepancy.evidence import Evidence
-from chatter_monitor.discrepancy.faults import (
-    Line,
-    clipping,
-    lines,
-    silent,
-    slow_drift,
-)
+from chatter_monitor.discrepancy.faults import clipping, silent, slow_drift
 from chatter_monitor.discrepancy.in_part.amplitude import LEFT_SHARE, find_above
 from chatter_monitor.discrepancy.in_part.stretch import find_local
 from chatter_monitor.discrepancy.innovations import Innovations
@@ -34,6 +28,7 @@ from chatter_monitor.discrepancy.locate import (
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.report import Statistic
 from chatter_monitor.discrepancy.spectrum import SpectralFit
+from chatter_monitor.discrepancy.tones import Tone, loud_tones, tones_of, without_tones
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm
@@ -47,10 +42,18 @@ MOST_CLIPPED = 1e-3  # share of samples beyond which nothing else can be said
 
 
 def recorded_from(samples: Vector, rate_hz: float, missing: NDArray[np.bool_] | None = None) -> Recorded:
-    """A recording with what is missing marked: given, not finite, or silent."""
+    """A recording with what is missing marked: given, not finite, or silent; `InputError` if nothing vibrates in it."""
     absent = ~np.isfinite(samples) | silent(np.nan_to_num(samples), rate_hz)
     if missing is not None:
         absent |= missing
+    present = samples[~absent]
+    if present.size == 0 or np.ptp(present) == 0.0:
+        raise InputError(
+            "nothing vibrates in the recording",
+            got=f"{absent.sum()} of {absent.size} samples missing or silent"
+            + ", the others equal" * bool(present.size),
+            remedy="Check the sensor, its cable and the channel.",
+        )
     return Recorded(np.where(absent, 0.0, samples), absent, rate_hz)
 
 
@@ -82,10 +85,10 @@ def examine(whole: Recorded, system: MachiningSystem, progress: Callable[[str], 
         whole = replace(whole, missing=whole.missing | at)
     present = ~whole.missing
     periods = float(present.sum()) / whole.rate_hz * system.modes[0].frequency_hz
-    if periods < FEWEST_PERIODS or float(np.std(whole.samples[present])) == 0.0:
+    if periods < FEWEST_PERIODS:
         raise InputError(
-            "the recording is too short for a diagnosis",
-            got=f"{periods:.0f} periods of the first mode",
+            "too little of the recording can be used for a diagnosis",
+            got=f"{periods:.0f} periods of the first mode, {np.mean(~present):.0%} of the samples missing or silent",
             allowed=f"at least {FEWEST_PERIODS}",
             remedy="Record for longer.",
         )
@@ -149,16 +152,17 @@ def _calibrated(recorded: Recorded, system: MachiningSystem) -> Base:
     return fit_base(beside, given, known)
 
 
-def _cleaned(recorded: Recorded, given: Linear) -> tuple[Recorded, list[Line], float]:
-    """Take out a drifting offset, and tones that stand out of the innovations of a first calibration.
+def _cleaned(recorded: Recorded, given: Linear) -> tuple[Recorded, list[Tone], float]:
+    """Take out a drifting offset, and tones: loud ones, and those that stand out of the innovations without them.
 
     No mode is to be bent towards them. The p-value is that of the drift.
     """
-    fitted = calibrate(recorded, given)
+    loud = loud_tones(recorded, given)
+    fitted = calibrate(without_tones(recorded, loud), given)
     recorded, offset_p = _without_drift(recorded, np.ones(recorded.samples.size), fitted)
-    first = Innovations(recorded, fitted.linear)
-    tones = lines(np.where(first.used, first.white, 0.0), recorded.rate_hz)
-    return _without_tones(recorded, tones), tones, offset_p
+    first = Innovations(without_tones(recorded, loud), fitted.linear)
+    tones = [*loud, *tones_of(np.where(first.used, first.white, 0.0), recorded.rate_hz)]
+    return without_tones(recorded, tones), tones, offset_p
 
 
 def _without_drift(recorded: Recorded, weight: Vector, fitted: SpectralFit) -> tuple[Recorded, float]:
@@ -183,17 +187,6 @@ def offset_beside(case: Case, inn: Innovations, named: Sequence[AppliedTerm]) ->
     return _without_drift(still, np.ones(still.samples.size), case.base.fitted)[1]
 
 
-def _without_tones(recorded: Recorded, tones: Sequence[Line]) -> Recorded:
-    if not tones:
-        return recorded
-    t = np.arange(recorded.samples.size)
-    turns = [2.0 * np.pi * tone.frequency_hz / recorded.rate_hz * t for tone in tones]
-    waves = np.column_stack([wave(turn) for turn in turns for wave in (np.cos, np.sin)])
-    present = ~recorded.missing
-    amplitudes = np.linalg.lstsq(waves[present], recorded.samples[present], rcond=None)[0]
-    return replace(recorded, samples=np.where(present, recorded.samples - waves @ amplitudes, 0.0))
-
-
 def _asked_again(case: Case, recorded: Recorded, between_s: tuple[float, float]) -> Case:
     """The case once more, with machine and sensor as they are where an effect in a stretch is not.
 
@@ -205,7 +198,7 @@ def _asked_again(case: Case, recorded: Recorded, between_s: tuple[float, float])
     away_s = np.maximum(between_s[0] - at, at - between_s[1])
     weight = np.sin(0.5 * np.pi * np.clip(away_s / FADE_S, 0.0, 1.0)) ** 2
     cleaned, offset_p = _without_drift(recorded, weight, case.base.fitted)
-    cleaned = _without_tones(cleaned, case.tones)
+    cleaned = without_tones(cleaned, case.tones)
     rest = without(cleaned, between_s)
     if rest is None:
         return case

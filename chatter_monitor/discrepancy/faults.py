@@ -1,4 +1,4 @@
-"""What is wrong with a recording itself: clipping, silence, impacts and swelling of the excitation, lines."""
+"""What is wrong with a recording itself: clipping, silence, impacts and swelling of the excitation."""
 
 from __future__ import annotations
 
@@ -147,51 +147,3 @@ def slow_drift(samples: Vector, weight: Vector, expected: float) -> tuple[Vector
     normal = polynomials.T @ (window[:, None] * polynomials)
     drift = polynomials @ np.linalg.solve(normal, polynomials.T @ (window * samples))
     return drift, float(stats.chi2.sf(value, DRIFT_ORDER))
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """A tone in the errors.
-
-    Attributes
-    ----------
-    frequency_hz, p_value, gain_nats : float
-    """
-
-    frequency_hz: float
-    p_value: float
-    gain_nats: float
-
-
-def lines(whitened: Vector, rate_hz: float, most: int = 12) -> list[Line]:
-    """Tones that stand out of the whitened errors, strongest first.
-
-    A periodogram ordinate of white noise is exponentially distributed; a tone puts its power into two or three of
-    them, where a resonance fills many.
-    """
-    found: list[Line] = []
-    rest = whitened / np.std(whitened)
-    n = rest.size
-    t = np.arange(n)
-    for _ in range(most):
-        power = np.abs(np.fft.rfft(rest)) ** 2 / n
-        first = 3
-        peak = first + int(np.argmax(power[first:-2]))
-        around = np.concatenate([power[max(peak - 40, 1) : peak - 3], power[peak + 4 : peak + 40]])
-        local = float(np.median(around)) / math.log(2.0)
-        ordinate = float(power[peak]) / max(local, 1.0)
-        p = min(1.0, n / 2 * math.exp(-min(ordinate, 700.0)))
-        if p > SIGNIFICANT:
-            break
-        # The frequency between two ordinates that takes most of the power.
-        a, b, c = (float(np.sqrt(power[peak + i])) for i in (-1, 0, 1))
-        shift = (c if c > a else -a) / (b + max(a, c))
-        best = max(
-            np.linspace(peak + shift - 0.1, peak + shift + 0.1, 21),
-            key=lambda at: abs(np.exp(-2j * np.pi * at / n * t) @ rest),
-        )
-        tone = 2.0 / n * (np.exp(-2j * np.pi * best / n * t) @ rest)
-        before = float(rest @ rest)
-        rest = rest - (tone * np.exp(2j * np.pi * best / n * t)).real
-        found.append(Line(float(best * rate_hz / n), p, 0.5 * (before - float(rest @ rest))))
-    return found

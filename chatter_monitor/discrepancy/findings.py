@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 from chatter_monitor.discrepancy.case import Case, Local
 from chatter_monitor.discrepancy.evidence import Regressed
-from chatter_monitor.discrepancy.faults import Clipping, Line
+from chatter_monitor.discrepancy.faults import Clipping
 from chatter_monitor.discrepancy.linear import Omission
 from chatter_monitor.discrepancy.name import Scored
 from chatter_monitor.discrepancy.report import Estimate, Finding
+from chatter_monitor.discrepancy.tones import Tone
 
 HARMONIC_WIDTH = 0.1  # about the orders 2 and 3 of the mode
 _MAINS_HZ = (50.0, 60.0)
@@ -76,10 +77,10 @@ def of_omission(case: Case, name: str) -> Finding:
     return plain(name, None, parameters, omission.gain_nats, omission.p_value)
 
 
-def of_tone(case: Case, tone: Line) -> Finding | None:
-    """A line as mains hum or as a force of the spindle; None if it is neither."""
+def of_tone(case: Case, tone: Tone) -> Finding | None:
+    """A line as mains hum, which does not wander, or as a force of the spindle; None if it is neither."""
     width = 1.5 / case.recorded.seconds
-    for mains in _MAINS_HZ:
+    for mains in _MAINS_HZ if tone.phase is None else ():
         order = round(tone.frequency_hz / mains)
         if 1 <= order <= 12 and abs(tone.frequency_hz - order * mains) < max(width, 2e-3 * order * mains):
             parameters = {"hum_hz": estimate(tone.frequency_hz, 0.3 * width, "Hz")}

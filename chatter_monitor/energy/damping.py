@@ -100,7 +100,7 @@ def estimate_damping(
     Raises
     ------
     InputError
-        If no zone of energy holds enough independent segments.
+        If the motion is at one amplitude all the time, or no zone of energy holds enough independent segments.
     """
     count = draws.shape[1]
     rows = np.vstack([np.ones(count), draws])
@@ -110,6 +110,11 @@ def estimate_damping(
     energy[outside] = np.maximum(energy[outside], top)  # a polynomial says nothing out there
     block = np.arange(motion.x.size) * count // motion.x.size
     shells = damping_potential.count_shells(energy, block, potential, top)
+    if np.count_nonzero(shells.counts.any(axis=0)) < 2:
+        raise InputError(
+            "the vibration has one amplitude all the time, which shows nothing of its damping",
+            remedy="Record one that noise drives.",
+        )
     fits = damping_potential.fit_all(shells, rows)
     worth = shells.independent()
     covariance = equivalent_damping.covariances(motion, energy, count, potential, band, top, worth)

@@ -5,7 +5,7 @@ import math
 
 from numba import njit
 
-from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.options import OPTIONS, WITHIN
 
 _STEPS = 60
 _CONVERGED = 1e-12
@@ -14,7 +14,7 @@ _ROUNDS = 4  # of the fixed point before Newton's method
 _LOWEST, _HIGHEST = 0.6, 1.7
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def critical_coefficient(omega, zeta, tau):
     """Least kappa > 0 at which the cut with this delay loses its stability; inf if there is none.
 
@@ -55,14 +55,14 @@ def critical_coefficient(omega, zeta, tau):
     return least
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def _dynamic_stiffness(p, zeta, kappa, delay):
     """D and its derivative at s = p omega."""
     wave = kappa * cmath.exp(-p * delay)
     return p * p + 2.0 * zeta * p + 1.0 + kappa - wave, 2.0 * p + 2.0 * zeta + delay * wave
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def polish_root(p, zeta, kappa, delay):
     """Newton's method on D from a guess p; returns the root over omega, and whether it converged."""
     for _ in range(_STEPS):
@@ -104,7 +104,7 @@ def rightmost_root(omega, zeta, kappa, tau):
     return rightmost
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def ratio_and_damping(physical, near):
     """Kappa over its critical value, and damping ratio of the root next to one over omega.
 

@@ -6,7 +6,8 @@ so, nothing is being cut. What it falls to next time is learned anew, for a room
 the tool is taken to be in the cut: who does not know misses nothing. When the room itself gets louder it is taken to be
 in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters. So is what
 begins where nothing but noise was heard, no line and nothing that turns, if it lifts the noise at once as well: a
-vibration that grows by itself comes before the noise that it makes. What falls while most of what is heard goes on,
+vibration that grows by itself comes before the noise that it makes. So is what is there at once, noise or not, where
+lines were faint: growth takes time. What falls while most of what is heard goes on,
 fainter, is a cut that gets lighter.
 """
 
@@ -16,7 +17,8 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.median import median
-from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.options import OPTIONS, WITHIN
+from chatter_monitor.kernels.prominence import TINY
 
 DECIBEL = math.log(10.0) / 10.0
 # The level falls by so much when the tool leaves the cut; the whole signal does, too, or is a tone that goes on.
@@ -29,6 +31,9 @@ FALLING, BEFORE = 4, 16
 NOISE = 7.0 * DECIBEL
 # A lone line with its skirts lifts the level, too, by a sixth of its height at most; a tool that enters by more.
 LONE = 0.2
+# Where no line stood out by so much, a tenth of the power, what is louder by so much within so many transforms is the
+# tool: to grow out of a tenth to that in 25 ms, a vibration would have to grow e-fold in 10 ms.
+FAINT, LEAP, AT_ONCE = 15.0 * DECIBEL, 12.0 * DECIBEL, 2
 # The tool has entered when the level has not risen by so much in so many frames; it takes a second at most.
 STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 
@@ -45,7 +50,7 @@ def new_air():
 
 
 @njit(**OPTIONS)
-def engaged(levels, powers, crests, fainter, head, air, scratch):
+def engaged(levels, powers, crests, fainter, leapt, head, air, scratch):
     """Whether the tool is in the cut and has been for a moment.
 
     Parameters
@@ -56,6 +61,8 @@ def engaged(levels, powers, crests, fainter, head, air, scratch):
         Ring: how far the line that stands out most does, infinite where something turns.
     fainter : bool
         Whether most of what is heard goes on, fainter.
+    leapt : bool
+        Whether the whole became louder at once (`has_leapt`).
     head : int
         Column after the newest, counted from the start without wrapping.
     air : ndarray of float64, shape (8,)
@@ -85,8 +92,10 @@ def engaged(levels, powers, crests, fainter, head, air, scratch):
         elif air[ENTERED] >= LONGEST:
             rose, louder = level - levels[then], power - powers[then] >= FALL
             out = louder and power_before <= air[CUT] - FALL and rose >= FALL
-            if louder and not out and _before(crests, head, air[ALIKE], scratch) < NOISE:
-                out = rose >= max(NEAR, LONE * crests[newest])
+            if louder and not out:
+                crest = _before(crests, head, air[ALIKE], scratch)
+                out = crest < NOISE and rose >= max(NEAR, LONE * crests[newest])
+                out |= crest < FAINT and leapt
     if out:
         air[ENTERED] = air[SINCE] = 0.0
         return False
@@ -97,6 +106,41 @@ def engaged(levels, powers, crests, fainter, head, air, scratch):
         if air[ENTERED] > ENTERING and not rises:
             air[ENTERED] = LONGEST
     return bool(air[ENTERED] >= LONGEST)
+
+
+@njit(**OPTIONS)
+def has_leapt(spectra, valid, taken, hops, lowest, powers, head):
+    """Whether the whole has become louder at once within the last two frames, out of what it was before them.
+
+    Parameters
+    ----------
+    spectra, valid : ndarray, shapes (bins, columns) and (columns,)
+        Ring of transforms, and whether they are of whole stretches; bins count from ``lowest`` on.
+    taken, hops : int
+        Transforms in it, counted from the start, and those of a frame.
+    powers, head
+        As of `engaged`.
+    """
+    if head < 3 or taken < 3 * hops:
+        return False
+    before = powers[(head - 3) % powers.shape[0]]
+    if powers[(head - 1) % powers.shape[0]] - before < LEAP:
+        return False
+    for hop in range(taken - 2 * hops, taken):
+        column, earlier = hop % valid.shape[0], (hop - AT_ONCE) % valid.shape[0]
+        calm = valid[column] and valid[earlier] and _whole(spectra, earlier, lowest) <= before + STILL
+        if calm and _whole(spectra, column, lowest) >= before + LEAP:
+            return True
+    return False
+
+
+@njit(**WITHIN)
+def _whole(spectra, column, lowest):
+    """Logarithm of the whole power of a transform."""
+    power = 0.0
+    for b in range(lowest, spectra.shape[0]):
+        power += spectra[b, column].real ** 2 + spectra[b, column].imag ** 2
+    return math.log(power + TINY)
 
 
 @njit(**OPTIONS)

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.binding import bound
-from chatter_monitor.kernels.engagement import SINCE, engaged, fell, new_air
+from chatter_monitor.kernels.engagement import SINCE, engaged, fell, has_leapt, new_air
 from chatter_monitor.kernels.lanes import as_lanes
 from chatter_monitor.kernels.narrowband import FRAME_HOPS, PARTS, beat, behaviour, put_in_order, variation_beside
 from chatter_monitor.kernels.options import OPTIONS
@@ -222,8 +222,9 @@ def _follow(hop, lowest, turns, fainter, state, peaks, measures):
     state.totals[column] = math.log(total + TINY)
     count = most_prominent(relief, lowest, peaks)
     state.crests[column] = math.inf if turns or count == 0 else relief[peaks[0]]
+    leapt = has_leapt(spectra, state.valid, counts[TAKEN], FRAME_HOPS, lowest, state.totals, counts[FRAMES])
     state.cutting[column] = engaged(
-        state.levels, state.totals, state.crests, fainter, counts[FRAMES], state.air, state.scratch
+        state.levels, state.totals, state.crests, fainter, leapt, counts[FRAMES], state.air, state.scratch
     )
     for b in range(relief.shape[0]):
         reliefs[b, column] = relief[b]

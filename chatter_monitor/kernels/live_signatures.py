@@ -133,7 +133,9 @@ def predict(observer, known, y, missing, first, path, along):
         e = 0.0 if missing[k] else y[k] - predicted
         errors[k] = e
         angle = turn * (first + k)
-        lagged, lagged_next = delayed(path.past, at, observer.delay), delayed(path.past, at + 1, observer.delay)
+        lagged = lagged_next = 0.0
+        if observer.delay > 0.0:
+            lagged, lagged_next = delayed(path.past, at, observer.delay), delayed(path.past, at + 1, observer.delay)
         early = 0.0
         if feels and count:
             x = v = 0.0
@@ -189,7 +191,7 @@ def predict(observer, known, y, missing, first, path, along):
             vp += observer.tool[1, i] * state[i]
         motion.x[0, k], motion.v[0, k], motion.lagged[0, k] = x, v, lagged
         motion.x[1, k], motion.v[1, k], motion.lagged[1, k] = xp, vp, lagged_next
-        for row in range(2):
+        for row in range(2 if observer.delay > 0.0 else 0):
             sooner, later = observer.delay - 0.5, observer.delay + 0.5
             moved = delayed(path.past, at + row, sooner) - delayed(path.past, at + row, later)
             along.lagged_v[row, k] = moved / step
@@ -341,7 +343,6 @@ def watch(observer, known, tried, linear, response, y, missing, first, path, alo
     known : Forces
         Forces of the model.
     tried : Tried
-        At least one.
     linear : int
         2, or 4 where the machine has a delay.
     response : Response

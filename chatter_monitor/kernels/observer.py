@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.forces import call_force
-from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.options import OPTIONS, WITHIN
 
 SUBSTEPS = 4  # of a force that jumps, and of a term's memory, between two samples
 SMOOTH = 2  # of a force that does not jump: Gauss points
@@ -26,9 +26,6 @@ BEFORE, AFTER, SEEN, AHEAD = 0, len(NODES), 2 * len(NODES), 2 * len(NODES) + 1
 BOTH_SIDES = 3.0
 _ROOT_2 = np.sqrt(2.0)
 _INVERSE_ROOT_2PI = 1.0 / np.sqrt(2.0 * np.pi)
-# Left to itself the compiler takes the loop over a step out of that over the samples, for its size. All that is the
-# same at every sample is then loaded again at each of them, which is a sixth of the time of a smooth force.
-_WITHIN = {**OPTIONS, "forceinline": True}
 _TAIL = (0.319381530, -0.356563782, 1.781477937, -1.821255978, 1.330274429)
 
 
@@ -208,7 +205,9 @@ def about(s, x, v, omega, step_s):
     return x + t * v, v - t * omega * omega * x
 
 
-@njit(**_WITHIN)
+# Left to itself the compiler takes the loop over a step out of that over the samples, for its size. All that is the
+# same at every sample is then loaded again at each of them, which is a sixth of the time of a smooth force.
+@njit(**WITHIN)
 def over_step(
     address, substeps, above, x0, v0, x1, v1, lagged0, lagged1, angle, turn, omega, z0, z1, parameters, spread, when,
     step_s,
@@ -280,7 +279,7 @@ def remembered(rate_address, x0, v0, x1, v1, lagged, angle, omega, z, parameters
     return z
 
 
-@njit(**_WITHIN)
+@njit(**WITHIN)
 def known_over_step(observer, known, x0, v0, x1, v1, lagged0, lagged1, angle, memory, when, reached, k):
     """Known forces over the step from sample k at its two ends, for a sensor that feels the force at its end alone.
 

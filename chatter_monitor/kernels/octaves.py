@@ -22,7 +22,7 @@ from chatter_monitor.kernels.track import LANES, OSCILLATORY, REAL_PAIR, STARTIN
 
 
 class Columns(NamedTuple):
-    """ODPs, ``shape (..., modes, samples)``, in a frame ``(samples, modes)``: float32, status uint8."""
+    """ODPs, ``shape (..., modes, samples)``: float32, status uint8."""
 
     frequency: np.ndarray
     damping: np.ndarray
@@ -33,7 +33,7 @@ class Columns(NamedTuple):
 
 def new_columns(*shape: int) -> Columns:
     """Room for so many ODPs."""
-    frequency, damping, frequency_sd, damping_sd = (np.empty(shape, np.float32) for _ in range(4))
+    frequency, damping, frequency_sd, damping_sd = np.empty((4, *shape), np.float32)
     return Columns(frequency, damping, frequency_sd, damping_sd, np.empty(shape, np.uint8))
 
 
@@ -108,7 +108,7 @@ def new_state(p: int, q: int, octaves: range, memory_s: float, rate_hz: float, i
 @njit(**OPTIONS)
 def _halver(state, k):
     h = state.halvers
-    return conditioning.HalfBandState(h.taps[k], h.ring[k], h.position[k])
+    return conditioning.HalfBandState(h.taps[k], h.even[k], h.odd[k], h.position[k])
 
 
 @njit(**OPTIONS)
@@ -191,7 +191,7 @@ def completing(p: int, q: int, first: int, state: Octaves, slots: Slots) -> Call
     Returns
     -------
     callable
-        Of the index of the frame's first sample in the source, and of the result, shape (samples, slots).
+        Of the index of the frame's first sample in the source, and of the result, shape (slots, samples).
     """
     machine_code = bound(_complete, p, q, first, 0, state, slots, new_columns(0, 0))
     return lambda begin, out: machine_code(p, q, first, begin, state, slots, out)
@@ -244,26 +244,26 @@ def show(first, begin, chosen, columns, filled, out):
         of real poles: no frequency; held or starting as its neighbours.
     columns, filled : Columns, ndarray
         Of the octaves; changed in place.
-    out : Columns, shape (samples, slots)
+    out : Columns, shape (slots, samples)
         The result.
     """
     for slot in range(chosen.shape[0]):
         k, m = chosen[slot, 0], chosen[slot, 1]
-        for t in range(out.status.shape[0]):
-            if k < 0:
-                status = columns.status[0, 0, _row(begin + t, begin, first)]
-                out.frequency[t, slot] = math.nan
-                out.damping[t, slot] = math.nan
-                out.frequency_sd[t, slot] = math.nan
-                out.damping_sd[t, slot] = math.nan
-                out.status[t, slot] = REAL_PAIR if status == OSCILLATORY else status
-            else:
-                row = _row(begin + t, begin, first + k)
-                out.frequency[t, slot] = columns.frequency[k, m, row]
-                out.damping[t, slot] = columns.damping[k, m, row]
-                out.frequency_sd[t, slot] = columns.frequency_sd[k, m, row]
-                out.damping_sd[t, slot] = columns.damping_sd[k, m, row]
-                out.status[t, slot] = columns.status[k, m, row]
+        if k < 0:
+            out.frequency[slot, :] = math.nan
+            out.damping[slot, :] = math.nan
+            out.frequency_sd[slot, :] = math.nan
+            out.damping_sd[slot, :] = math.nan
+            _hold(first, begin, columns.status[0, 0], out.status[slot])
+            for t in range(out.status.shape[1]):
+                if out.status[slot, t] == OSCILLATORY:
+                    out.status[slot, t] = REAL_PAIR
+        else:
+            _hold(first + k, begin, columns.frequency[k, m], out.frequency[slot])
+            _hold(first + k, begin, columns.damping[k, m], out.damping[slot])
+            _hold(first + k, begin, columns.frequency_sd[k, m], out.frequency_sd[slot])
+            _hold(first + k, begin, columns.damping_sd[k, m], out.damping_sd[slot])
+            _hold(first + k, begin, columns.status[k, m], out.status[slot])
     for k in range(filled.shape[0]):
         last = filled[k] - 1
         for m in range(columns.status.shape[1]):
@@ -273,6 +273,13 @@ def show(first, begin, chosen, columns, filled, out):
             columns.damping_sd[k, m, 0] = columns.damping_sd[k, m, last]
             columns.status[k, m, 0] = columns.status[k, m, last]
         filled[k] = 1
+
+
+@njit(**OPTIONS)
+def _hold(halvings, begin, values, out):
+    """Show an octave's values at the samples of a frame, shape (samples,); each stands until the next."""
+    for t in range(out.shape[0]):
+        out[t] = values[_row(begin + t, begin, halvings)]
 
 
 @njit(**OPTIONS)

@@ -17,3 +17,7 @@ OPTIONS: dict[str, Any] = {
 EXACT: dict[str, Any] = {**OPTIONS, "fastmath": {"nsz"}}
 # Of kernels that add up many numbers, in whatever order is soonest done.
 SUMS: dict[str, Any] = {**OPTIONS, "fastmath": OPTIONS["fastmath"] | {"reassoc"}}
+# Of kernels that become part of each kernel that calls them. Else the compiler keeps a copy with each of those and
+# optimises it in its own way; a process calls the copy that it happened to load first, and the last bits of a result
+# would depend on what was compiled just now and what was read from the cache.
+WITHIN: dict[str, Any] = {**OPTIONS, "forceinline": True}

@@ -8,7 +8,7 @@ from numba import njit
 from chatter_monitor.kernels.kinds import steady_share
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.testimony import witness
-from chatter_monitor.kernels.vibrations import NO_LINE, follow_all
+from chatter_monitor.kernels.vibrations import NO_LINE, follow_all, suspicion_of
 
 NONE = -1
 
@@ -46,7 +46,7 @@ def overview(vibrations, lines):
     most = steady = chattered = 0.0
     for i in range(vibrations.shape[0]):
         vibration = vibrations[i]
-        suspicious = (vibration.growing + vibration.saturated) * vibration.unexplained
+        suspicious = suspicion_of(vibration)
         suspicion = max(suspicion, suspicious)
         if vibration.alarm_for > longest:
             alarm, longest = i, vibration.alarm_for

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.delay_roots import critical_coefficient
-from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.options import OPTIONS, WITHIN
 from chatter_monitor.kernels.whittle import KAPPA, LOG_GAIN, LOG_OMEGA, LOG_TAU, LOG_ZETA, PARAMETERS, whittle
 
 FIRST_DAMPING = 1e-3
@@ -42,7 +42,7 @@ class Likelihood(NamedTuple):
     prior_precision: np.ndarray
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def posterior(theta, likelihood, score, information):
     """Negative log-posterior, its negative gradient and its expected Hessian, as in `whittle`."""
     value = likelihood.weight * whittle(
@@ -59,7 +59,7 @@ def posterior(theta, likelihood, score, information):
     return value
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def stabilise(theta):
     """Mirror what lies beyond the limit.
 
@@ -71,7 +71,7 @@ def stabilise(theta):
         theta[KAPPA] = max(2.0 * critical - theta[KAPPA], 0.5 * critical)
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def begin_climb(theta, likelihood, steps, space, information, progress):
     """Begin a climb of so many steps at most; arguments as of `climb`."""
     progress[VALUE] = posterior(theta, likelihood, space[0], information)
@@ -79,7 +79,7 @@ def begin_climb(theta, likelihood, steps, space, information, progress):
     progress[STEPS_LEFT] = steps
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def climb(theta, likelihood, steps, space, information, progress):
     """Fisher scoring with Levenberg's damping, so many steps of it; returns whether there are more to take.
 
@@ -155,7 +155,7 @@ def race(theta, likelihood, mean, steps, space, information, progress):
     return progress[VALUE]
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def solve(matrix, vector):
     """Solve ``matrix x = vector`` in place of both (elimination, largest pivot first); False where it is singular."""
     n = vector.shape[0]

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.repeats import LONGEST, Repeats
+from chatter_monitor.kernels.repeats import LONGEST, Repeats, got_fainter, repeating_share
 
 # A rotation repeats the one before: so large a correlation, at a lag that differs by so little from frame to frame.
 REPEATING, SAME_LAG = 0.6, 0.03
@@ -41,6 +41,13 @@ LAG, FRAMES, GROWTH, COSINES, ALONE = range(5)
 def new_rotations() -> np.ndarray:
     """Nothing has been heard."""
     return np.zeros(5)
+
+
+@njit(**OPTIONS)
+def another_frame(frame: np.ndarray, repeats: Repeats, rotations: np.ndarray) -> tuple[float, bool, float]:
+    """Take in a frame; return `repeating_share`, whether it `got_fainter`, and the `growth` of what is out of step."""
+    share = repeating_share(frame, repeats)
+    return share, got_fainter(repeats), growth(rotations, repeats)
 
 
 @njit(**OPTIONS)

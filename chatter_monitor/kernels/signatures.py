@@ -20,7 +20,8 @@ from chatter_monitor.kernels.lanes import as_lanes, fma
 from chatter_monitor.kernels.observer import Observer
 from chatter_monitor.kernels.options import OPTIONS
 
-LANES = 16  # forces that go side by side: enough for the processor's vectors, and few enough for its caches
+GROUP = 8  # forces in a vector of the processor
+LANES = 2 * GROUP  # that go side by side: two vectors do not wait for each other
 _FEW = 64  # samples that go through a stage together
 _NOTHING = 1e-100  # what has died away so far is taken for 0: numbers near the smallest cost a hundred times as much
 
@@ -121,21 +122,21 @@ def multiply(one, other, column):
 
 @njit(**OPTIONS)
 def respond(response, lanes, begins, ends, states, signature):
-    """The error recursion some samples on; each has a row of `lanes` forces (a multiple of `LANES`), rows on end.
+    """The error recursion some samples on; each has a row of `lanes` forces (a multiple of `GROUP`), rows on end.
 
     `ends` and `states` begin one sample before.
     """
-    r, order, aside = response, response.output.size, lanes // LANES
-    begins, ends, signature = as_lanes(begins, LANES), as_lanes(ends, LANES), as_lanes(signature, LANES)
+    r, order, aside = response, response.output.size, lanes // GROUP
+    begins, ends, signature = as_lanes(begins, GROUP), as_lanes(ends, GROUP), as_lanes(signature, GROUP)
     for k in range(begins.size):
         begin, end, predicted = begins[k], ends[k], ends[k + aside]
         answer = r.feed[0] * end
         for i in range(order):
             state = fma(r.known[i], begin, fma(r.ahead[i], predicted, r.before[i] * end))
             for j in range(order):
-                state = fma(r.closed[i, j], as_lanes(states[j], LANES)[k], state)
-            as_lanes(states[i], LANES)[k + aside] = state
-            answer = fma(r.output[i], as_lanes(states[i], LANES)[k], answer)
+                state = fma(r.closed[i, j], as_lanes(states[j], GROUP)[k], state)
+            as_lanes(states[i], GROUP)[k + aside] = state
+            answer = fma(r.output[i], as_lanes(states[i], GROUP)[k], answer)
         signature[k] = answer
 
 

@@ -10,7 +10,10 @@ from chatter_monitor.kernels.options import OPTIONS
 
 @njit(**OPTIONS)
 def share_taken(before, after):
-    """Share of the variance that went with the synchronous part; samples that are not finite do not count."""
+    """Share of the variance that went with the synchronous part, and the variance before.
+
+    Samples that are not finite do not count.
+    """
     count = 0
     mean_before = 0.0
     mean_after = 0.0
@@ -20,7 +23,7 @@ def share_taken(before, after):
             mean_before += before[t]
             mean_after += after[t]
     if count == 0:
-        return 0.0
+        return 0.0, 0.0
     mean_before /= count
     mean_after /= count
     power = 0.0
@@ -29,7 +32,7 @@ def share_taken(before, after):
         if abs(before[t]) < np.inf:
             power += (before[t] - mean_before) ** 2
             left += (after[t] - mean_after) ** 2
-    return max(0.0, 1.0 - left / power) if power > 0.0 else 0.0
+    return max(0.0, 1.0 - left / power) if power > 0.0 else 0.0, power / count
 
 
 @njit(**OPTIONS)

@@ -31,6 +31,9 @@ COMES_BACK, COMES_BACK_HZ = 0.03, 6.0
 NOT_HEARD = Likeness(-1.0, -1.0, -1.0)
 # Intervals without a line after which it is forgotten; a minute after an alarm about it, because it will chatter again.
 FORGOTTEN, FORGOTTEN_CHATTER = 10, 1200
+# Intervals after an alarm in which another vibration needs no more for one than a running alarm does: what chatters may
+# jump to another mode, which takes the power and leaves the first without a line.
+JUST_NOW = 40
 # What grows by itself is coherent; noise that comes and goes is not, nor is a mode that it drives: beyond this damping
 # ratio, or below this coherence, nothing is taken for growth.
 COHERENT_DAMPING, LEAST_COHERENCE = 0.004, 0.4
@@ -120,8 +123,8 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
     Parameters
     ----------
     vibrations : ndarray of VIBRATION, shape (>= known + m,)
-        The first ``known`` are the vibrations so far; overwritten
-        with the vibrations after the interval, the most suspicious first.
+        The first ``known`` are the vibrations so far; overwritten with those after the interval, the most suspicious
+        first.
     known : int
     lines : ndarray of LINE, shape (m,)
         Prominent lines of the interval. What none has taken begins a vibration.
@@ -137,6 +140,8 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
         How many there are.
     """
     _share_out(vibrations, known, lines, taken)
+    if _chattered_just_now(vibrations, known):
+        rules = Rules(rules.calm_probability, rules.calm_probability, rules.chain, rules.odds)
     count = 0
     for i in range(known):
         vibration = work[count]
@@ -156,7 +161,7 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
             count += 1
     for i in range(count):
         place = i
-        while place > 0 and _suspicion(vibrations[place - 1]) < _suspicion(work[i]):
+        while place > 0 and suspicion_of(vibrations[place - 1]) < suspicion_of(work[i]):
             vibrations[place] = vibrations[place - 1]
             place -= 1
         vibrations[place] = work[i]
@@ -164,9 +169,19 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
 
 
 @njit(**OPTIONS)
-def _suspicion(vibration):
+def suspicion_of(vibration):
     """Probability that it has risen and that nothing that turns explains it."""
     return (vibration.growing + vibration.saturated) * vibration.unexplained
+
+
+@njit(**OPTIONS)
+def _chattered_just_now(vibrations, known):
+    """Whether there has been an alarm within the last intervals, about whichever."""
+    over = JUST_NOW
+    for i in range(known):
+        if vibrations[i].chattered:
+            over = min(over, vibrations[i].over)
+    return over < JUST_NOW
 
 
 @njit(**OPTIONS)

@@ -104,7 +104,7 @@ def _seen(work, row, t):
     )
 
 
-@njit(**SUMS)
+@njit(forceinline=True, **SUMS)
 def whittle(theta, first, bin_width, log_frequency, periodogram, used, work, spectrum, score, information):
     """Whittle's likelihood of a periodogram under the model: the sum of log S + I / S over the bins, to be made small.
 

@@ -40,8 +40,10 @@ def read_model(path: Path, catalogue: Mapping[str, Term] = CATALOGUE) -> Machini
     """
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"model file {path} cannot be read: {error}") from error
+    except OSError as error:
+        raise InputError(f"model file {path} cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"model file {path} is no text: {error}") from error
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"model file {path} is not valid TOML: {error}") from error
     return _system(tables, str(path), catalogue)

@@ -21,7 +21,8 @@ from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S
 from chatter_monitor.verdict.event_log import EventLog
 from chatter_monitor.verdict.evidence import weigh
-from chatter_monitor.verdict.judge import Judge, JudgeSettings
+from chatter_monitor.verdict.judge import Judge
+from chatter_monitor.verdict.settings import JudgeSettings
 
 # The count of lost samples stays; what is said about it in words is news for a minute.
 LOSS_SHOWN_S = 60.0

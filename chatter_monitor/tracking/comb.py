@@ -14,6 +14,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 from scipy.special import gammaln
 
 from chatter_monitor.kernels import comb as kernel
@@ -157,7 +158,6 @@ class Spectrum:
         self._lowest_hz = lowest_hz
         self._exact_hz = EXACT_BINS * sample_rate_hz / samples
         self._windowed = np.zeros(self._size)  # and as many zeros as make a fast transform
-        self._amplitudes = np.empty(self._size // 2 + 1, complex)
         self._power = np.empty(self._size // 2)
         self._scratch = np.empty(kernel.FLOOR_BINS // 2)
         self._peaks = np.empty(self._size // 2, np.int64)
@@ -170,7 +170,7 @@ class Spectrum:
             part = slice(begin, begin + len(samples))
             np.multiply(samples, self._window[part], out=self._windowed[part])
             begin = part.stop
-        kernel.power_of(np.fft.rfft(self._windowed, out=self._amplitudes), power)
+        kernel.power_of(fft.rfft(self._windowed), power)
         lowest = math.ceil(self._lowest_hz / self._bin_hz)
         peaks = self._peaks[: kernel.crests(power, LINE_TO_NOISE, lowest, self._scratch, self._peaks)]
         peaks = peaks[power[peaks] >= FAINTEST * power[peaks].max(initial=0.0)]

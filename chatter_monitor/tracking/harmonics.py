@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
 from chatter_monitor.kernels import orders as kernel
+from chatter_monitor.kernels.binding import bound
 from chatter_monitor.kernels.taken import strongest
 
 # Relative change of speed in a second: of the steadiest spindle and of the most unsteady one that are followed.
@@ -16,6 +20,17 @@ LEAST_WANDER = 3e-4
 MOST_WANDER = 0.02
 # The band's edge is left alone.
 HIGHEST = 0.49  # of the sample rate
+
+
+@cache
+def _bound() -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
+    """`subtract`, `learn` and `renew`, bound to their types, which those of all series are."""
+    samples, state = np.zeros(1), kernel.new_state(1, 1.0, 1.0, (1.0, 1.0))
+    return (
+        bound(kernel.subtract, samples, state, 1.0, samples),
+        bound(kernel.learn, state.spectra[0], state, 1, 1.0),
+        bound(kernel.renew, state.tables, state),
+    )
 
 
 class Harmonics:
@@ -44,6 +59,7 @@ class Harmonics:
         orders = min(kernel.MOST_ORDERS, math.floor(HIGHEST * sample_rate_hz / rotation_hz))
         self._state = kernel.new_state(orders, speed, self._speed(rotation_sd_hz), (drift[0], drift[1]))
         self._corner = self._speed(lowest_hz / 2.0)  # its phase at the lowest harmonic does not matter yet
+        self._subtract, self._learn, self._renew = _bound()
 
     def _speed(self, rotation_hz: float) -> float:
         return 2.0 * math.pi * rotation_hz / self._rate_hz
@@ -60,15 +76,15 @@ class Harmonics:
 
     def subtract(self, samples: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Write to ``out`` what remains of samples, shape (n,) both; missing samples are not finite."""
-        kernel.subtract(samples, self._state, self._corner, out)
+        self._subtract(samples, self._state, self._corner, out)
 
     def learn(self) -> None:
         """Move the amplitudes, if the spindle has turned at least once since they moved last."""
         state = self._state
         if state.angle[kernel.TURNED] < 2.0 * math.pi or not state.counts[kernel.FOLDED]:
             return
-        kernel.learn(fft.rfft(state.fold), state, self._lowest, self._memory)
-        kernel.renew(fft.irfft(state.spectra, axis=1), state)
+        self._learn(fft.rfft(state.fold), state, self._lowest, self._memory)
+        self._renew(fft.irfft(state.spectra, axis=1), state)
 
     def clear(self) -> NDArray[np.int64]:
         """Orders that are steady beyond doubt."""

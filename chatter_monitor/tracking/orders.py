@@ -14,8 +14,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.kernels.repeats import got_fainter, new_repeats, repeating_share
-from chatter_monitor.kernels.rotations import growth, new_rotations
+from chatter_monitor.kernels.binding import bound
+from chatter_monitor.kernels.repeats import new_repeats
+from chatter_monitor.kernels.rotations import another_frame, new_rotations
 from chatter_monitor.kernels.taken import share_taken
 from chatter_monitor.tracking.comb import Target
 from chatter_monitor.tracking.follower import CombFollower
@@ -29,8 +30,8 @@ Positive = Annotated[float, msgspec.Meta(gt=0)]
 SHOWN_LINES = 8  # of each comb
 # Something that turns is heard when it has this share of the power.
 HEARD_SHARE = 0.02
-# What has come back into the signal matters when this share of the power is not taken out any more: of what is less
-# nothing comes that takes the power.
+# What has come back into the signal matters when it is this share of the power: of what is less nothing comes that
+# takes the power. A comb that is lost because something else grew loud beside it is next to nothing of that.
 RETURNED_SHARE = 0.1
 # Relative standard deviation of a nominal speed: real ones are 1 to 3 % off.
 NOMINAL_SD = 0.015
@@ -162,14 +163,13 @@ class OrderTracker:
             for target in (self._target(), anything)
         ]
         self._signals = np.empty((len(self._followers) + 1, size))  # before, between and after the followers
-        self._repeats = new_repeats(size)
-        self._repeating = 0.0
-        self._rotations = new_rotations()
-        self._growth = 0.0
+        self._heard_before = new_repeats(size), new_rotations()
+        self._listen = bound(another_frame, self._signals[0], *self._heard_before)
+        self._repeating = 0.0, False, 0.0  # share, fainter, growth
         self._filled = 0
         self._undigested = False  # whether the signals are those of a whole frame that has ended
         self._next_sample = 0
-        self._taken = (0, 0.0)  # combs taken out of the last frame, and their share of its power
+        self._taken = (0, 0.0)  # combs taken out of the last frame, and their power
         self._heard: tuple[float, float, int] | None = None  # speed and its deviation (Hz), and the sample then
 
     def set_spindle(self, spindle: SpindleSettings) -> None:
@@ -251,12 +251,11 @@ class OrderTracker:
         """Describe the frame that has come in so far."""
         first_sample = self._next_sample - self._filled
         if self._filled == self._signals.shape[1]:  # a last, shorter frame tells nothing new
-            self._repeating = repeating_share(self._signals[0], self._repeats)
-            self._growth = growth(self._rotations, self._repeats)
-        share = share_taken(self._signals[0, : self._filled], self._signals[-1, : self._filled])
-        before, share_before = self._taken
-        self._taken = sum(follower.harmonics is not None for follower in self._followers), share
-        returned = self._taken[0] < before and share_before - share >= RETURNED_SHARE
+            self._repeating = self._listen(self._signals[0], *self._heard_before)
+        share, power = share_taken(self._signals[0, : self._filled], self._signals[-1, : self._filled])
+        combs_before, taken_before = self._taken
+        self._taken = sum(follower.harmonics is not None for follower in self._followers), share * power
+        returned = self._taken[0] < combs_before and taken_before - share * power >= RETURNED_SHARE * power
         combs = [(follower.harmonics, _lines(follower.harmonics)) for follower in self._followers]
         rpm = self._spindle.speed_rpm
         if rpm is None:  # nobody knows which is the spindle's
@@ -281,9 +280,7 @@ class OrderTracker:
             other_hz,
             other_lines,
             returned,
-            self._repeating,
-            bool(got_fainter(self._repeats)),
-            self._growth,
+            *self._repeating,
         )
 
     def _from_memory(self, sample: int) -> tuple[float | None, float | None, Source | None]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from chatter_monitor.kernels import peaks as kernel
+from chatter_monitor.kernels.comb import power_of
 from chatter_monitor.kernels.conditioning import copy_present
 from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
 
@@ -136,8 +137,8 @@ class AveragedPeriodogram:
         """Add the window that the last hop completed to the average; tell whether there was one with anything in it."""
         if not self._complete:
             return False
-        amplitude = fft.rfft(self._windowed)
-        power = amplitude.real**2 + amplitude.imag**2
+        power = np.empty_like(self._sum)
+        power_of(fft.rfft(self._windowed), power)
         self._complete = False
         power[: self._lowest_bin] = 0.0
         level = float(power.sum())

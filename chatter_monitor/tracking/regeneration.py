@@ -45,7 +45,7 @@ _GROUPS, _LEAST_GROUP = 60, 8  # for the lack of fit
 
 _STEPS = 40
 _STEPS_OF_RACE = 6
-_BINS_OF_RACE = 500  # where the starts are told apart; they need not be fitted exactly
+_BINS_OF_RACE = 250  # where the starts are told apart; they need not be fitted exactly
 _BINS_AT_ONCE = (
     3000  # that are evaluated in one piece, at most, but for one evaluation: about a quarter of a millisecond
 )

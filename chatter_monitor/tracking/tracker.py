@@ -160,7 +160,7 @@ class Tracker:
         first_sample = self._next_sample - self._filled
         signal = self._octaves.signal[: self._filled].copy()
         rms = kernel.root_mean_square(signal)
-        odps = kernel.new_columns(self._filled, self._settings.modes)
+        odps = kernel.new_columns(self._settings.modes, self._filled)
         self._complete(first_sample, odps)
         powers = self._slots.power
         total = max(rms * rms, powers.sum())
@@ -168,11 +168,11 @@ class Tracker:
             channel=self._channel,
             first_sample=first_sample,
             sample_rate_hz=self._settings.sample_rate_hz,
-            frequency_hz=odps.frequency,
-            damping_ratio=odps.damping,
-            frequency_sd_hz=odps.frequency_sd,
-            damping_sd=odps.damping_sd,
-            status=odps.status,
+            frequency_hz=odps.frequency.T,
+            damping_ratio=odps.damping.T,
+            frequency_sd_hz=odps.frequency_sd.T,
+            damping_sd=odps.damping_sd.T,
+            status=odps.status.T,
             share=powers / total if total > 0.0 else powers.copy(),
             signal=signal,
             hold=self._slots.hold.copy(),

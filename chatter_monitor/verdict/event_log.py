@@ -7,7 +7,7 @@ import statistics
 from chatter_monitor.records import Event, Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict.advice import advise
-from chatter_monitor.verdict.judge import SAME_VIBRATION
+from chatter_monitor.verdict.opinion import SAME_VIBRATION
 
 
 class EventLog:

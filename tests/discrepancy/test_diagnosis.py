@@ -14,6 +14,7 @@ from chatter_monitor.discrepancy.name import subspace_p
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.prove.blind.case import make_case
 from chatter_monitor.discrepancy.prove.blind.effects import CATALOGUE, FAULTS, OUTSIDE
+from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.model_file import read_model
 from chatter_monitor.physics.parts import Mode, Sensor, Spindle
@@ -139,6 +140,47 @@ def test_a_stiffness_that_remembers_is_no_spring_of_the_catalogue():
     """A stiffness that follows the energy of the last tenth of a second looks like a cubic spring, and is none."""
     report = diagnosed(Machine("memory", 0.06, **SHORT), 110).report
     assert report.verdict == "unknown", report.summary
+
+
+def test_a_tone_alone_is_none_of_the_catalogue():
+    """A pure tone at the mode, of one amplitude: a recording like any other, of which nothing is named."""
+    tone = 0.3 * np.sin(2.0 * np.pi * 220.0 / 12800.0 * np.arange(128000))
+    tone += 1e-4 * np.random.default_rng(134).standard_normal(tone.size)
+    diagnosis = conclude(examine(recorded_from(tone, 12800.0), MachiningSystem((Mode(220.0, 0.02),))))
+    assert diagnosis.report.verdict == "unknown", diagnosis.report.summary
+    html, _ = page(diagnosis, "recording")
+    assert "tone" in html
+
+
+@pytest.mark.parametrize("ratio", [1.0, 10.0, 100.0])
+@pytest.mark.parametrize("order", [3.2, 4.4])  # below the mode, and at its flank
+def test_a_tone_is_not_taken_for_a_mode(ratio, order):
+    """However loud a force of the spindle is, it is named, and the machine beside it is calibrated as it is."""
+    machine = Machine(**SHORT)
+    quiet = record(machine, 136)
+    turn = 2.0 * np.pi * 50.0 * np.arange(quiet.size) / machine.rate_hz
+    tone = ratio * np.std(quiet) * np.sqrt(2.0) * np.cos(order * turn + 1.0)
+    model = MachiningSystem((Mode(220.0, 0.02),), spindle=Spindle(order * 3000.0 / 4.0))  # its fourth order
+    report = diagnosed(machine, 136, model, tone).report
+    assert [term.name for term in report.terms] == ["periodic_forcing"], report.summary
+    assert report.terms[0].parameters["order"].value == pytest.approx(4.0, abs=1e-3)
+    assert report.calibration.after["mode.1.frequency_hz"].value == pytest.approx(220.0, rel=0.005)
+    assert report.calibration.after["mode.1.damping_ratio"].value == pytest.approx(0.02, rel=0.15)
+
+
+@pytest.mark.parametrize("samples", [np.zeros(128000), np.full(128000, 0.5), np.full(128000, np.nan)])
+def test_where_nothing_vibrates_nothing_is_diagnosed(samples):
+    """A sensor that says nothing, or always the same, is refused with a word on what is wrong."""
+    with pytest.raises(InputError, match="nothing vibrates"):
+        recorded_from(samples, 12800.0)
+
+
+def test_a_recording_that_is_mostly_silent_is_refused():
+    """A few periods between silences: the error tells how much of the recording there is."""
+    samples = np.zeros(128000)
+    samples[:6400] = record(Machine(**SHORT), 135)[:6400]
+    with pytest.raises(InputError, match=r"1\d\d periods .* 95% of the samples missing or silent"):
+        examine(recorded_from(samples, 12800.0), MachiningSystem((Mode(220.0, 0.02),)))
 
 
 @pytest.mark.parametrize("spindle", [None, Spindle(3000.0)])

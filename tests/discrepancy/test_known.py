@@ -80,7 +80,7 @@ def test_a_model_that_drifts_is_refused():
     drift = Drift("mode.1.frequency_hz", (0.0, 10.0), (220.0, 230.0))
     model = MachiningSystem((Mode(220.0, 0.02),), drifts=(drift,))
     with pytest.raises(InputError, match="drift"):
-        examine(recorded_from(np.zeros(1000), 12800.0), model)
+        examine(recorded_from(record(Machine(frequency_hz=220.0, seconds=1.0), 50), 12800.0), model)
 
 
 def test_regeneration_beside_a_spring_is_named_with_it():

@@ -20,7 +20,7 @@ MACHINE = Linear((Mode(300.0, 0.02),), "displacement", 1e-3, 20.0, None)
 
 def blocks_of(rng: np.random.Generator, gains: list[np.ndarray | None], shapes: np.ndarray) -> Blocks:
     """Blocks of white errors, each with a spectrum of its own (amplitudes by frequency)."""
-    blocks = Blocks(64, 3, 2, SAMPLES, shapes)
+    blocks = Blocks(64, 0, 0, 2, SAMPLES, shapes)
     for number, gain in enumerate(gains):
         rows = rng.standard_normal((SAMPLES, 3))
         if gain is not None:

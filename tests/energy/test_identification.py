@@ -156,6 +156,7 @@ def test_steady_tone_is_not_noise_driven():
         ({"signal": np.full(5000, np.nan)}, "not finite"),
         ({"signal": np.zeros((100, 2))}, "one channel"),
         ({"signal": np.random.default_rng(0).standard_normal(200)}, "too short"),
+        ({"signal": np.sin(0.2 * np.arange(5000))}, "one amplitude"),
         ({"quantity": "pressure"}, "quantity"),
         ({"band_hz": (500.0, 400.0)}, "band"),
         ({"sample_rate_hz": 0.0}, "rate"),

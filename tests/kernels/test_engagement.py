@@ -13,10 +13,10 @@ LOUD = 10.0  # how much more the whole power of a cut is than its level
 STANDS_OUT, NOISE = 20.0, 6.0  # how far the most prominent line stands out of a cut, and of noise
 
 
-def told(*stretches, columns=160, seed=1, fainter=()):
+def told(*stretches, columns=160, seed=1, fainter=(), leapt=()):
     """Whether the tool is in the cut, frame by frame, for stretches of (frames, level, power, crest) in dB.
 
-    In the frames ``fainter`` most of what is heard goes on, fainter.
+    In the frames ``fainter`` most of what is heard goes on, fainter; in the frames ``leapt`` all became louder at once.
     """
     rng = np.random.default_rng(seed)
     (levels, powers, crests), cutting = np.zeros((3, columns)), np.zeros(columns, bool)
@@ -29,7 +29,7 @@ def told(*stretches, columns=160, seed=1, fainter=()):
             crests[column] = DECIBEL * crest
             head = len(result) + 1
             cutting[column] = engagement.engaged(
-                levels, powers, crests, len(result) in fainter, head, air, np.zeros(columns)
+                levels, powers, crests, len(result) in fainter, len(result) in leapt, head, air, np.zeros(columns)
             )
             result.append(bool(cutting[column]))
     return result
@@ -148,6 +148,45 @@ def test_a_line_that_rises_out_of_noise_is_no_tool_that_enters():
     sudden = [(1, AIR + 2.0, AIR + 7.0, 26.0), (60, AIR + 35.0 / 8.0, AIR + 20.0, 35.0)]
     assert all(told(room(60, crest=NOISE), *sudden))
     assert all(told(room(60), cut(60)))
+
+
+@pytest.mark.parametrize(("crest", "enters"), [(NOISE, True), (12.0, True), (STANDS_OUT, False)])
+def test_what_leaps_out_of_faint_lines_is_a_tool_that_enters(crest, enters):
+    """Whether it lifts the noise or not; what leaps where lines stood out is something else in the cut."""
+    leaps = room(60, tone=AIR + 30.0)
+    after = told(room(60, crest=crest), leaps, leapt=(60, 61))[60:]
+    assert all(after) is not enters
+    assert all(after[9:])
+
+
+def spectra(*decibels):
+    """Ring of transforms of a line in noise, the line as loud as that in each of them, and logarithms of frames."""
+    rng = np.random.default_rng(4)
+    noise = rng.standard_normal((100, 2 * len(decibels))).view(complex)
+    noise[30] += 10.0 ** (np.array(decibels) / 20.0)
+    return noise, np.log((np.abs(noise) ** 2).sum(axis=0).reshape(-1, 4).mean(axis=1))
+
+
+def leaps(*decibels):
+    ring, powers = spectra(*decibels)
+    valid = np.ones(ring.shape[1], bool)
+    return [engagement.has_leapt(ring, valid, 4 * head, 4, 2, powers, head) for head in range(1, len(powers) + 1)]
+
+
+@pytest.mark.parametrize("at", range(8, 12))
+def test_a_leap_is_seen_in_the_frame_of_it_or_the_next(at):
+    """Wherever in the frame it is; a stretch that holds a half of it is no hindrance."""
+    loud = [0.0] * at + [35.0] + [41.0] * (31 - at)
+    assert any(leaps(*loud)[2:4])
+    assert not any(leaps(*loud)[4:])
+    assert not any(leaps(*loud)[:2])
+
+
+@pytest.mark.parametrize("rate_per_s", [10.0, 30.0, 60.0])
+def test_growth_is_no_leap(rate_per_s):
+    """A line that grows out of noise takes more than 25 ms from where it is heard to twelve decibels above all else."""
+    growth = np.minimum(-10.0 + 8.686 * rate_per_s * 0.0125 * np.arange(64), 41.0)
+    assert not any(leaps(*[-10.0] * 16, *growth))
 
 
 def test_what_is_fainter_than_it_was_has_fallen_until_it_comes_back():

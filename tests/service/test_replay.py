@@ -297,13 +297,18 @@ def test_a_warm_start_compiles_nothing(bar):  # noqa: ARG001  it has compiled th
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-def test_the_first_start_says_that_it_compiles(tmp_path, excerpt):
-    """With an empty cache the wait for the compiler is announced on standard error, once."""
+def test_the_first_start_compiles_and_hears_the_same(tmp_path):
+    """With an empty cache the wait for the compiler is announced on standard error, once; every message is the same."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    runs = [
-        subprocess.run(command(excerpt), env=environment, check=False, capture_output=True, text=True, timeout=280)
-        for _ in range(2)
-    ]
-    assert [run.returncode for run in runs] == [0, 0], runs[0].stderr
+    settings = tmp_path / "lathe.toml"
+    settings.write_text("[spindle]\nspeed_rpm = 1685.0\nteeth = 1\n")
+    runs, heard = [], []
+    for name in ("first.jsonl", "second.jsonl"):
+        arguments = command(BAR, "--config", settings, "--jsonl", tmp_path / name)
+        runs.append(subprocess.run(arguments, env=environment, check=True, capture_output=True, text=True, timeout=280))
+        messages = map(parse, (tmp_path / name).read_text().splitlines())
+        heard.append([message for message in messages if message["type"] != "health"])
     assert "Compiling the kernels for this machine" in runs[0].stderr
     assert runs[1].stderr == ""
+    assert heard[0] == heard[1]
+    assert any(message["type"] == "verdict" and message["margin_percent"] is not None for message in heard[0])

@@ -125,15 +125,21 @@ def test_a_comb_that_is_heard_is_followed_out_of_the_range_of_its_speed():
     assert power(residual, 3) < 0.03
 
 
-def test_it_tells_when_what_turns_is_in_the_signal_again():
-    """A comb is let go that had most of the power: in the frame after it its lines are in the signal again."""
+@pytest.mark.parametrize(("beside", "returns"), [(0.0, True), (100.0, False)])
+def test_it_tells_when_what_turns_is_in_the_signal_again(beside, returns):
+    """A comb is let go that had most of the power: in the frame after it its lines are in the signal again.
+
+    They are next to nothing of it if something else has become much louder just then.
+    """
     tracker = OrderTracker(OrderSettings(), RATE_HZ, GIVEN)
     samples = comb(8, TURNS_HZ, MILLING) + noise(8)
+    samples[at(4) :] += beside * np.sin(2 * np.pi * 8.36 * TURNS_HZ * np.arange(len(samples) - at(4)) / RATE_HZ)
     _, before = tracker.process(0, samples[: at(4)])
     tracker.set_spindle(SpindleSettings(60 * 40, 4))
     _, after = tracker.process(at(4), samples[at(4) :])
     assert before[-1].synchronous_share > 0.95
-    assert [frame.returned for frame in before + after] == [False] * len(before) + [True] + [False] * (len(after) - 1)
+    told = [frame.returned for frame in before + after]
+    assert told == [False] * len(before) + [returns] + [False] * (len(after) - 1)
 
 
 @pytest.mark.parametrize("off", [0.3, 0.1, 0.05])

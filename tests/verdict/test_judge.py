@@ -14,11 +14,13 @@ from chatter_monitor.kernels.kinds import LINE, Kinds
 from chatter_monitor.kernels.overview import Overview, overview
 from chatter_monitor.kernels.vibrations import VIBRATION
 from chatter_monitor.records import Flag
-from chatter_monitor.tracking.margin import Margin
+from chatter_monitor.tracking.margin import FRAMES_TO_RENEW, Margin
 from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Place, Vibration
-from chatter_monitor.verdict.judge import DEAF, Judge, JudgeSettings, Memory, opinion
+from chatter_monitor.verdict.judge import DEAF, Judge
+from chatter_monitor.verdict.opinion import Memory, opinion
+from chatter_monitor.verdict.settings import JudgeSettings
 from chatter_monitor.verdict.vibrations import Followed, Told, repeating_share
 from tests.verdict.hearing import heard
 
@@ -198,6 +200,18 @@ def test_the_alarm_tells_frequency_damping_and_why():
     room = Margin(margin_percent=40.0, margin_ci95=(30.0, 50.0))
     before, alarm = judged(evidence(margin=room), *ONSET[40:], evidence(growing(), margin=room))[:: len(ONSET) - 39]
     assert (before.margin_percent, alarm.state, alarm.margin_percent) == (40.0, "self_excited", None)
+
+
+def test_a_margin_after_chatter_is_of_what_came_after():
+    """Until no window of the signal holds chatter any more, a margin neither warns nor is told."""
+    near = evidence(margin=Margin(margin_percent=9.0, margin_ci95=(4.0, 14.0)))
+    seen = judged(*ONSET, *[near] * 200)
+    end = max(k for k, verdict in enumerate(seen) if verdict.state == "self_excited")
+    after = {(verdict.state, verdict.margin_percent) for verdict in seen[end + 1 : end + 1 + FRAMES_TO_RENEW]}
+    assert after == {("stable", None)}
+    assert {(verdict.state, verdict.margin_percent) for verdict in seen[end + 2 + FRAMES_TO_RENEW :]} == {
+        ("approaching", 9.0)
+    }
 
 
 def test_the_alarm_stays_while_the_vibration_does():

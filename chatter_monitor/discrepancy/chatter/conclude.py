@@ -19,7 +19,7 @@ from chatter_monitor.discrepancy.chatter.growth import (
     regeneration_of,
     vibration,
 )
-from chatter_monitor.discrepancy.chatter.limit import Limit, augmented, chip_sd, limit_of, limits_of
+from chatter_monitor.discrepancy.chatter.limit import Limit, augmented, chip_sd, limit_at, limits_of
 from chatter_monitor.discrepancy.findings import IN_WORDS, estimate
 from chatter_monitor.discrepancy.report import (
     Alternative,
@@ -52,6 +52,8 @@ class ChatterDiagnosis:
     made : Regeneration, optional
     model : MachiningSystem
         What to simulate with.
+    reached : Limit, optional
+        Where such a simulation stays.
     """
 
     report: Report
@@ -59,6 +61,7 @@ class ChatterDiagnosis:
     found: Vibration
     made: Regeneration | None
     model: MachiningSystem
+    reached: Limit | None = None
 
 
 def conclude_chatter(
@@ -89,7 +92,9 @@ def conclude_chatter(
         model = augmented(found, made, system)
         if _growth(model) < 0.0:
             return None  # near its limit a stable cut is coherent for long, too; what it lacks is told the ordinary way
-        return ChatterDiagnosis(_named(system, found, made, model), whole, found, made, model)
+        limits = list(limits_of(model))
+        reached = limit_at(found.frequency_hz, limits)
+        return ChatterDiagnosis(_named(system, found, made, model, limits, reached), whole, found, made, model, reached)
     risen = found.rises_s and float(np.quantile(found.amplitude, 0.95)) > RISEN * found.quiet
     if not risen or _may_be_forced(found, system):
         return None
@@ -121,12 +126,19 @@ def _located(found: Vibration, made: Regeneration | None, statistic: Statistic |
     )
 
 
-def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model: MachiningSystem) -> Report:
+def _named(
+    system: MachiningSystem,
+    found: Vibration,
+    made: Regeneration,
+    model: MachiningSystem,
+    limits: list[Limit],
+    reached: Limit | None,
+) -> Report:
     applied = next(term for term in model.terms if term.term.delayed)
     units = {p.name: p.unit for p in applied.term.parameters}
     sd = {"coefficient": float(made.sd[2])}
     if "chip_thickness" in applied.parameters:
-        sd["chip_thickness"] = chip_sd(found, made, model)
+        sd["chip_thickness"] = chip_sd(found, made, model, reached)
     parameters: dict[str, Estimate] = {
         name: estimate(value, sd[name], units[name]) for name, value in applied.parameters.items()
     }
@@ -144,7 +156,6 @@ def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model:
     why = f"{IN_WORDS[applied.term.name].capitalize()}: {told}; {applied.term.equation}."
     p = float(stats.chi2.sf(2.0 * max(made.gain_nats, 0.0), 2))
     finding = Finding(applied.term.name, sense, parameters, beyond, p, why)
-    reached = limit_of(model, found.frequency_hz) if "chip_thickness" in parameters else None
     excitation = SelfExcitation(
         found.frequency_hz,
         found.plateau if reached and math.isfinite(found.plateau) else None,
@@ -179,7 +190,7 @@ def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model:
             "its interval is what mode and coefficient leave open."
         )
     if reached is not None:
-        warnings += _other_limits(model, reached)
+        warnings += _other_limits(limits, reached)
     return Report(
         "missing_physics", summary, _located(found, made, Statistic("lag", made.gain_nats, p)), [finding],
         [Alternative("a delay that is none of the spindle's", made.wrong_nats)], [],
@@ -188,9 +199,8 @@ def _named(system: MachiningSystem, found: Vibration, made: Regeneration, model:
     )  # fmt: skip
 
 
-def _other_limits(model: MachiningSystem, reached: Limit) -> list[str]:
+def _other_limits(limits: list[Limit], reached: Limit) -> list[str]:
     """What there is to say where other noise takes the same cut elsewhere."""
-    limits = list(limits_of(model))
     elsewhere = [limit for limit in limits if not limit.is_at(reached.frequency_hz)]
     if not elsewhere:
         return []

@@ -8,7 +8,7 @@ comes to. So several runs are looked at, each with other noise.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -72,7 +72,7 @@ def augmented(found: Vibration, made: Regeneration, system: MachiningSystem) -> 
     model = system
     for _ in range(_TRIALS):
         model = replace(system, terms=(*terms, _leaving(made, chip)))
-        reached = limit_of(model, found.frequency_hz)
+        reached = limit_at(found.frequency_hz, limits_of(model))
         if reached is None or abs(reached.amplitude / found.plateau - 1.0) < _CLOSE:
             break
         chip *= found.plateau / reached.amplitude
@@ -96,17 +96,17 @@ def limits_of(system: MachiningSystem) -> Iterator[Limit]:
         yield Limit(float(np.sqrt(2.0) * np.std(late)), float(frequency[np.argmax(density)]), run)
 
 
-def limit_of(system: MachiningSystem, frequency_hz: float) -> Limit | None:
+def limit_at(frequency_hz: float, limits: Iterable[Limit]) -> Limit | None:
     """The limit at a frequency, if there is one there; any other if not, and none if nothing stays."""
     other = None
-    for limit in limits_of(system):
+    for limit in limits:
         if limit.is_at(frequency_hz):
             return limit
         other = other or limit
     return other
 
 
-def chip_sd(found: Vibration, made: Regeneration, model: MachiningSystem) -> float:
+def chip_sd(found: Vibration, made: Regeneration, model: MachiningSystem, reached: Limit | None) -> float:
     """Standard deviation of the chip thickness.
 
     Where the chip has not been seen: what else it would be with the mode and the coefficient elsewhere.
@@ -117,6 +117,8 @@ def chip_sd(found: Vibration, made: Regeneration, model: MachiningSystem) -> flo
     made : Regeneration
     model : MachiningSystem
         As from `augmented`, with a chip.
+    reached : Limit, optional
+        Where it stays.
 
     Returns
     -------
@@ -125,14 +127,14 @@ def chip_sd(found: Vibration, made: Regeneration, model: MachiningSystem) -> flo
     """
     if math.isfinite(made.chip):
         return float(made.sd[3])
-    chip, frequency_hz = model.terms[-1].parameters["chip_thickness"], found.frequency_hz
-    here = limit_of(model, frequency_hz)
-    if here is None:
+    chip = model.terms[-1].parameters["chip_thickness"]
+    if reached is None:
         return chip
     variance = _CLOSE**2
     for column in np.linalg.cholesky(made.covariance).T:
-        there = [limit_of(_shifted(made, model, found.mode, sign * column), frequency_hz) for sign in (1.0, -1.0)]
-        variance += float(np.mean([math.log(at.amplitude / here.amplitude) ** 2 if at else 1.0 for at in there]))
+        shifted = [_shifted(made, model, found.mode, sign * column) for sign in (1.0, -1.0)]
+        there = [limit_at(found.frequency_hz, limits_of(system)) for system in shifted]
+        variance += float(np.mean([math.log(at.amplitude / reached.amplitude) ** 2 if at else 1.0 for at in there]))
     return chip * math.sqrt(variance)
 
 

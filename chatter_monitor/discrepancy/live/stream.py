@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,8 @@ from chatter_monitor.kernels import live_signatures as kernel
 from chatter_monitor.kernels.binding import bound
 from chatter_monitor.kernels.forces_along import Tried
 from chatter_monitor.kernels.observer import SUBSTEPS, Forces, Motion, Observer
-from chatter_monitor.kernels.signatures import LANES, Response, response_of
+from chatter_monitor.kernels.signatures import GROUP, Response, response_of
+from chatter_monitor.physics.terms import Term
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -24,8 +26,17 @@ ORDER = 12  # of the whitening filter
 _SETTLING = 4  # memories of the filter after which its errors and their signatures are used
 
 
+class _Columns(NamedTuple):
+    """What is made of a block: errors, signatures of what is linear, and of some forces."""
+
+    tried: Tried
+    used: int
+    answers: kernel.Answers
+    rows: Matrix  # (samples, lanes)
+
+
 class Stream:
-    """A calibrated observer and the forces that it is watched for.
+    """A calibrated observer and the forces that it is watched for, a block at a time.
 
     Parameters
     ----------
@@ -33,6 +44,10 @@ class Stream:
         Of the calibrated model on some of the signal: its observer, its forces, its whitening filter.
     tried : sequence of (Candidate, int)
         Forces to watch for: the unit of one coefficient each.
+    scouts : int
+        How many of them, the first, are watched for when the others rest; none of these has a memory.
+    samples : int
+        Of a block; a multiple of CHUNK.
 
     Attributes
     ----------
@@ -40,36 +55,58 @@ class Stream:
         Columns after the errors that stand for displacement and velocity, and with a delay for those before it.
     """
 
-    def __init__(self, base: Innovations, tried: Sequence[tuple[Candidate, int]]) -> None:
+    def __init__(self, base: Innovations, tried: Sequence[tuple[Candidate, int]], scouts: int, samples: int) -> None:
+        self._since = self._filled = 0
         self._observer = base.observer
         self._known = known_forces(base.terms)
-        self._tried = tried_forces([(candidate.term, candidate.unit(i)) for candidate, i in tried])
         self._response = response_of(base.observer, whitener(base.errors, base.used, ORDER))
         self.linear = 4 if any(applied.term.delayed for applied in base.terms) else 2
-        self._used = 1 + self.linear + len(tried)
-        self._lanes = -(-self._used // LANES) * LANES
         self._along = scratch()
-        self.settling = _SETTLING * base.memory() + ORDER
-        self.restart()
-        nothing = np.zeros(CHUNK), np.zeros(CHUNK, dtype=bool)
-        self._watch = bound(kernel.watch, *self._arguments(0, *nothing, self.rows(CHUNK)))
+        forces = [(candidate.term, candidate.unit(i)) for candidate, i in tried]
+        self._path = at_rest(self._observer, self._known, tried_forces(forces))
+        self._columns = [self._columns_of(some, samples) for some in (forces[:scouts], forces)]
+        self._now = self._columns[True]
+        self._kept = 1 + self.linear + scouts
+        self._settling = _SETTLING * base.memory() + ORDER
+        self._watch = bound(kernel.watch, *self._arguments(0, np.zeros(CHUNK), np.zeros(CHUNK, dtype=bool)))
+
+    def _columns_of(self, forces: Sequence[tuple[Term, Sequence[float]]], samples: int) -> _Columns:
+        """Room for what is made of a block if these are tried."""
+        tried, used = tried_forces(forces), 1 + self.linear + len(forces)
+        lanes = -(-used // GROUP) * GROUP
+        return _Columns(tried, used, no_answers(self._response, lanes), np.zeros((samples, lanes)))
 
     def restart(self) -> None:
         """Forget everything: what comes next does not follow on what came last."""
-        self._path = at_rest(self._observer, self._known, self._tried)
-        self._answers = no_answers(self._response, self._lanes)
-        self._since = 0
+        for each in (self._path, *(columns.answers for columns in self._columns)):
+            for array in each:
+                array[:] = 0.0
+        self._since = self._filled = 0
 
-    def rows(self, samples: int) -> Matrix:
-        """Room for what comes of so many samples."""
-        return np.zeros((samples, self._lanes))
+    @property
+    def begins(self) -> bool:
+        """Whether a block begins with what comes next."""
+        return self._filled == 0
 
-    def columns(self, rows: Matrix) -> Matrix:
-        """Errors, and signatures of what is linear and what is tried, shape (samples, 1 + linear + c)."""
-        return rows[:, : self._used]
+    @property
+    def settles(self) -> int:
+        """How many samples after a start no block holds."""
+        return -(-self._settling // CHUNK) * CHUNK
 
-    def take(self, first: int, samples: Vector, missing: NDArray[np.bool_], rows: Matrix) -> bool:
-        """Take a chunk; whether what comes of it can be used.
+    def try_all(self, wanted: bool) -> None:
+        """Try all forces from the block on that begins, or only scouts."""
+        before, now = self._now, self._columns[wanted]
+        if before is now:
+            return
+        self._path.memory[:] = 0.0
+        for old, new in zip(before.answers, now.answers, strict=True):
+            lanes = (*old.shape[:-1], -1, before.rows.shape[1]), (*new.shape[:-1], -1, now.rows.shape[1])
+            new[:] = 0.0
+            new.reshape(lanes[1])[..., : self._kept] = old.reshape(lanes[0])[..., : self._kept]
+        self._now = now
+
+    def take(self, first: int, samples: Vector, missing: NDArray[np.bool_]) -> Matrix | None:
+        """Take a chunk.
 
         Parameters
         ----------
@@ -77,23 +114,32 @@ class Stream:
             Number of the first sample.
         samples : ndarray of float64, shape (CHUNK,)
         missing : ndarray of bool, shape (CHUNK,)
-        rows : ndarray of float64, shape (CHUNK, lanes)
-            Part of `rows`; filled.
+
+        Returns
+        -------
+        ndarray of float64, shape (samples of a block, 1 + linear + c), or None
+            The block that is completed: errors, signatures of what is linear and of what is tried, all or scouts.
+            Valid until the next call.
         """
         if missing.any():
             self.restart()
-            return False
-        self._watch(*self._arguments(first, samples, missing, rows))
+            return None
+        now = self._now
+        self._watch(*self._arguments(first, samples, missing))
         self._since += CHUNK
-        if self._since <= self.settling // 2:  # a force along a motion that is not known yet is none
-            self._answers.states[:] = 0.0
-        return self._since > self.settling
+        if 2 * self._since <= self.settles:  # a force along a motion that is not known yet is none
+            now.answers.states[:] = 0.0
+        if self._since <= self.settles:
+            return None
+        self._filled = (self._filled + CHUNK) % len(now.rows)
+        return None if self._filled else now.rows[:, : now.used]
 
-    def _arguments(self, first: int, samples: Vector, missing: NDArray[np.bool_], rows: Matrix) -> tuple[object, ...]:
+    def _arguments(self, first: int, samples: Vector, missing: NDArray[np.bool_]) -> tuple[object, ...]:
         """What the kernel is told."""
+        now = self._now
         return (
-            self._observer, self._known, self._tried, self.linear, self._response, samples, missing, first,
-            self._path, self._along, self._answers, rows,
+            self._observer, self._known, now.tried, self.linear, self._response, samples, missing, first,
+            self._path, self._along, now.answers, now.rows[self._filled : self._filled + CHUNK],
         )  # fmt: skip
 
 

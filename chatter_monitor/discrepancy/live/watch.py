@@ -9,30 +9,23 @@ the longest window is forgotten.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.discrepancy.basis import scales
-from chatter_monitor.discrepancy.candidates import SHAPES, Candidate, candidates
 from chatter_monitor.discrepancy.live.decimate import CHUNK, Decimator
-from chatter_monitor.discrepancy.live.found import Found, Named, nonlinear, of_force, of_omission, of_parameters
+from chatter_monitor.discrepancy.live.found import Found, of_force, of_omission, of_parameters
 from chatter_monitor.discrepancy.live.history import History
 from chatter_monitor.discrepancy.live.refit import Refit, refit
-from chatter_monitor.discrepancy.live.shapes import of_another_mode
-from chatter_monitor.discrepancy.live.stream import Stream
-from chatter_monitor.discrepancy.live.windows import FINE_BANDS, Blocks
+from chatter_monitor.discrepancy.live.run import WINDOWS, Run
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.errors import InputError
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import Spindle
-from chatter_monitor.physics.terms import CATALOGUE
 
 FASTEST = 0.45  # mode, over the rate of the signal
-KEEP_S = 64.0  # of the signal, and the longest window
 BLOCK_S = 0.5
 FIRST_FIT_S = 1.0
 FIRST_FIT_PERIODS = 300.0  # of the first mode, at least
@@ -40,36 +33,9 @@ FIT_AGAIN = 1.5  # times as old
 LAST_FIT_S = 32.0
 LEAST_PRESENT = 0.5  # share of the samples of an epoch
 CATCH_UP = 16  # times the pace of the signal, when it runs through a new observer
-CHANGED_P = 1e-9  # of errors that are as before, in one window
 RETUNED_P = 1e-8  # of the parameters of the model file
 MATERIAL = 0.15  # change of the damping over itself, or of the frequency over half the bandwidth, worth a word
-BEFORE = 8  # blocks, at least, that a window is compared with
-LEAST_BLOCKS = 2  # of a window that a force is named by
-MARGIN_NATS = 3.0  # by which another name has to lead, to be taken
-# Fewer shapes than a recording is searched for: the cost is paid at every sample.
-COARSE = {
-    **SHAPES,
-    ("clearance", "gap"): ("x", (0.4, 1.2)),
-    ("coulomb_friction", "width"): ("v", (0.0,)),
-    ("stribeck_friction", "stribeck_velocity"): ("v", (0.35,)),
-    ("hysteresis", "yield_displacement"): ("x", (0.7,)),
-    ("hysteresis", "sharpness"): ("1", (0.5,)),
-}
-
-
-@dataclass(eq=False)
-class _Run:
-    """Signal through the observer of a base: its blocks, and what they name, by the length of the window."""
-
-    refit: Refit
-    stream: Stream
-    entries: list[tuple[Candidate, list[int]]]
-    position: int
-    blocks: Blocks
-    rows: NDArray[np.float64]
-    filled: int = 0
-    count: int = 0
-    named: dict[int, Named] = field(default_factory=dict)
+_NEVER = 1 << 62  # sample number
 
 
 @dataclass(eq=False)
@@ -81,8 +47,8 @@ class _Epoch:
 
     first: int
     fit_due: int
-    run: _Run | None = None
-    next: _Run | None = None
+    run: Run | None = None
+    next: Run | None = None
 
 
 class Watch:
@@ -113,9 +79,8 @@ class Watch:
         self._decimator = Decimator(rate_hz, highest)
         self._rate_hz = rate = self._decimator.rate_hz
         self._system = system
-        self._block = max(1, round(BLOCK_S * rate / CHUNK))  # in chunks
-        self._windows = [1 << k for k in range(round(math.log2(KEEP_S / BLOCK_S)) + 1)]
-        self._history = History(round(KEEP_S * rate) + 2 * CHUNK, rate)
+        self._block = CHUNK * max(1, round(BLOCK_S * rate / CHUNK))
+        self._history = History(round(WINDOWS[-1] * BLOCK_S * rate) + 2 * CHUNK, rate)
         self._first_fit = round(max(FIRST_FIT_S, FIRST_FIT_PERIODS / system.modes[0].frequency_hz) * rate)
         self._last_fit = round(LAST_FIT_S * rate)
         self._work: Iterator[Refit | None] | None = None
@@ -159,10 +124,14 @@ class Watch:
                     return None
         if epoch.next is not None and self._is_at_end(epoch.next):
             epoch.run, epoch.next = epoch.next, None
+            epoch.run.may_rest = epoch.fit_due == _NEVER  # its base is the last of the epoch
+        if epoch.run is not None and epoch.run.look_again(self._history, CATCH_UP * chunks):
+            epoch.run.name()
+            found = self._judge(epoch.run)
         self._fit(epoch)
         return found
 
-    def _is_at_end(self, run: _Run) -> bool:
+    def _is_at_end(self, run: Run) -> bool:
         """Whether what has come makes no further chunk."""
         return run.position + CHUNK > self._history.end
 
@@ -183,7 +152,7 @@ class Watch:
             return
         age = end - epoch.first
         due = round(FIT_AGAIN * age)
-        epoch.fit_due = epoch.first + due if due <= self._last_fit else 1 << 62
+        epoch.fit_due = epoch.first + due if due <= self._last_fit else _NEVER
         recorded = self._history.between(max(epoch.first, self._history.start), end)
         present = ~recorded.missing
         if np.mean(present) < LEAST_PRESENT or float(np.std(recorded.samples[present])) == 0.0:
@@ -197,81 +166,24 @@ class Watch:
 
     def _adopt(self, epoch: _Epoch, result: Refit) -> None:
         """Let the epoch run through the new observer."""
-        base = result.base
-        size = scales(base.motion)
-        present = [applied.term.name for applied in base.terms]
-        leaving = [term.name for term in CATALOGUE.values() if term.chip_thickness]  # no surface is kept here
-        tried = candidates(*size, base.linear.spindle, [*present, *leaving], shapes=COARSE)
-        units: dict[tuple[float, ...], tuple[Candidate, int]] = {}
-        for candidate in tried:
-            for i in candidate.linear:
-                units.setdefault(candidate.acts(i, size), (candidate, i))
-        at = {acts: number for number, acts in enumerate(units)}
-        entries = [(c, [at[c.acts(i, size)] for i in c.linear]) for c in tried]
-        stream, samples = Stream(base, [*units.values()]), self._block * CHUNK
-        shapes = of_another_mode(base.linear, self._rate_hz, FINE_BANDS)
-        blocks = Blocks(self._windows[-1], 1 + stream.linear + len(units), stream.linear, samples, shapes)
-        position = max(epoch.first, self._history.start)
-        epoch.next = _Run(result, stream, entries, position, blocks, stream.rows(samples))
+        epoch.next = Run(result, epoch.first, self._history.start, self._block, self._rate_hz)
 
-    def _advance(self, run: _Run) -> Found | None:
+    def _advance(self, run: Run) -> Found | None:
         """One chunk on; how things stand, if it completes a block of what has just come."""
-        first = run.position
-        part = self._history.between(first, first + CHUNK)
-        run.position += CHUNK
-        now = run.rows[run.filled : run.filled + CHUNK]
-        run.filled += CHUNK
-        if not run.stream.take(first, part.samples, part.missing, now):
-            run.filled = 0
-        if run.filled < len(run.rows):
+        if not run.advance(self._history):
             return None
-        samples, run.filled = run.filled, 0
-        run.blocks.append(run.position - samples, run.stream.columns(run.rows))
-        run.count += 1
-        onset = self._changed(run)
+        onset = run.changed()
         if onset is not None:
             self._begin(onset)
             return None
-        if run.position + samples <= self._history.end:
+        if run.position + run.samples <= self._history.end:
             return None  # it is still catching up
+        run.name()
         return self._judge(run)
 
-    def _changed(self, run: _Run) -> int | None:
-        """First sample of a change, if there is one: of the window in which it shows most."""
-        blocks = run.blocks
-        sizes = [size for size in self._due(run) if size + BEFORE <= len(blocks)]
-        if not sizes:
-            return None
-        for size in np.array(sizes)[blocks.changed_p(sizes) < CHANGED_P]:
-            around = range(max(1, size // 2), min(2 * size, len(blocks) - BEFORE) + 1)
-            return blocks.firsts[-around[int(np.argmin(blocks.changed_p(around)))]]
-        return None
-
-    def _due(self, run: _Run) -> Iterator[int]:
-        """Windows whose turn it is: each four times while it passes."""
-        return (size for size in self._windows if run.count % max(1, size // 4) == 0)
-
-    def _name(self, run: _Run) -> None:
-        """Ask the windows whose turn it is, and all blocks together while the epoch is young."""
-        blocks = run.blocks
-        favourite = max(run.named.values(), key=lambda each: each.evidence_nats, default=None)
-        sizes = [size for size in self._due(run) if LEAST_BLOCKS <= size <= len(blocks)]
-        if len(blocks) < self._windows[-1]:
-            if len(blocks) - 1 not in self._windows:
-                run.named.pop(len(blocks) - 1, None)
-            sizes.append(len(blocks))
-        name = favourite.candidate.name if favourite else None
-        for size, rest in zip(sizes, blocks.newest(sizes), strict=True):
-            named = nonlinear(rest, run.entries, name, MARGIN_NATS)
-            if named is None:
-                run.named.pop(size, None)
-            else:
-                run.named[size] = named
-
-    def _judge(self, run: _Run) -> Found:
+    def _judge(self, run: Run) -> Found:
         """How things stand at the end of a block."""
         result, blocks = run.refit, run.blocks
-        self._name(run)
         if run.named:
             size, named = max(run.named.items(), key=lambda item: item[1].evidence_nats)
             if named.evidence_nats > result.gain_nats:

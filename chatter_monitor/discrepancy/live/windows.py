@@ -1,7 +1,8 @@
 """What some seconds of whitened errors say: of forces that are missing, and of a change since before.
 
 Blocks of half a second are reduced to matrices of products and to powers in bands, and kept as running sums, so that a
-window of any length costs the same.
+window of any length costs the same. Of some blocks there are the signatures of a few forces only, the scouts; a window
+with such a block tells of these.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ class Blocks:
     ----------
     most : int
         How many are kept, at least.
-    columns : int
-        Errors and signatures.
+    tried, scouts : int
+        How many forces there are, and how many of them, the first, are tried in every block.
     linear : int
         How many of the signatures stand for the linear machine; they come first.
     samples : int
@@ -49,34 +50,45 @@ class Blocks:
         First sample of each.
     """
 
-    def __init__(self, most: int, columns: int, linear: int, samples: int, shapes: Matrix) -> None:
+    def __init__(self, most: int, tried: int, scouts: int, linear: int, samples: int, shapes: Matrix) -> None:
         self._most, self._linear, self._shapes = most, linear, shapes
         self._ordinates = samples // 2
         self._edges, self._fine_edges = (
             np.linspace(0, samples // 2, bands + 1).astype(np.int64) for bands in (BANDS, FINE_BANDS)
         )
         self._widths, self._fine_widths = np.diff(self._edges), np.diff(self._fine_edges)
-        self._products = np.zeros((2 * most + 1, columns + 1, columns + 1))  # of errors, 1, signatures
-        self._power = np.zeros((2 * most + 1, 2, BANDS))  # and its square
-        self._fine_power = np.zeros((2 * most + 1, FINE_BANDS))
+        kept = 2 * most + 1
+        # Of errors, 1, signatures of the linear machine, and of forces: scouts, and all where all were tried.
+        self._of_scouts, self._of_all = (
+            np.zeros((kept, size, size)) for size in (2 + linear + scouts, 2 + linear + tried)
+        )
+        self._whole: list[bool] = []
+        self._power = np.zeros((kept, 2, BANDS))  # and its square
+        self._fine_power = np.zeros((kept, FINE_BANDS))
         self.firsts: list[int] = []
 
     def __len__(self) -> int:
         return len(self.firsts)
 
     def append(self, first: int, rows: Matrix) -> None:
-        """Append whitened errors (column 0) and signatures of a block, shape (samples, columns).
+        """Append whitened errors and signatures of a block.
 
         They count over the variance of the errors in the block: what is louder says no more.
+
+        Parameters
+        ----------
+        first : int
+            Its first sample.
+        rows : ndarray of float64, shape (samples, 1 + linear + tried) or (samples, 1 + linear + scouts)
         """
         errors = rows[:, 0].copy()
         variance = float(errors @ errors) / errors.size
         if not 0.0 < variance < np.inf:
             return
         if len(self) == 2 * self._most:
-            for sums in (self._products, self._power, self._fine_power):
+            for sums in (self._of_scouts, self._of_all, self._power, self._fine_power):
                 sums[: self._most + 1] = sums[self._most :] - sums[self._most]
-            del self.firsts[: self._most]
+            del self.firsts[: self._most], self._whole[: self._most]
         at = len(self)
         amplitudes = np.fft.rfft(errors)[1:]
         periodogram = (amplitudes.real**2 + amplitudes.imag**2) / (errors.size * variance)
@@ -84,12 +96,28 @@ class Blocks:
             np.add.reduceat(periodogram, edges[:-1]) / widths
             for edges, widths in ((self._edges, self._widths), (self._fine_edges, self._fine_widths))
         )
-        self._products[at + 1] = (
-            self._products[at] + _with_offset(rows.T @ rows, np.ones(len(rows)) @ rows, len(rows)) / variance
-        )
+        products = _with_offset(rows) / variance
+        few, whole = self._of_scouts.shape[1], products.shape == self._of_all.shape[1:]
+        self._of_scouts[at + 1] = self._of_scouts[at] + products[:few, :few]
+        self._of_all[at + 1] = self._of_all[at] + (products if whole else 0.0)
         self._power[at + 1] = self._power[at] + np.stack([power, power**2])
         self._fine_power[at + 1] = self._fine_power[at] + fine
         self.firsts.append(first)
+        self._whole.append(whole)
+
+    def fill(self, first: int, rows: Matrix) -> None:
+        """Put in what all forces say of a block that had only scouts; nothing, if there is no such block."""
+        if first not in self.firsts:
+            return
+        at = self.firsts.index(first)
+        if not self._whole[at]:
+            errors = rows[:, 0]
+            self._of_all[at + 1 : len(self) + 1] += _with_offset(rows) * (errors.size / (errors @ errors))
+            self._whole[at] = True
+
+    def whole(self, size: int) -> bool:
+        """Whether all forces were tried in all of the newest blocks, so many."""
+        return all(self._whole[-size:])
 
     def newest(self, sizes: Sequence[int]) -> list[Rest]:
         """What an offset and the linear machine leave of errors and other signatures, over the newest blocks.
@@ -98,11 +126,23 @@ class Blocks:
         ----------
         sizes : sequence of int
             How many are the newest, for each window.
+
+        Returns
+        -------
+        list of Rest
+            Of all forces for each window that is `whole`, of scouts for the others.
         """
+        whole = [size for size in sizes if self.whole(size)]
+        rests = self._rests(self._of_all, whole) | self._rests(self._of_scouts, [s for s in sizes if s not in whole])
+        return [rests[size] for size in sizes]
+
+    def _rests(self, sums: Matrix, sizes: Sequence[int]) -> dict[int, Rest]:
         always = 1 + self._linear
-        totals = np.empty((len(sizes), *self._products.shape[1:]))
-        kernel.newest(self._products, len(self), np.array(sizes, dtype=np.int64), _LOST, RIDGE, always, totals)
-        return [Rest(total[0, always + 1 :], total[always + 1 :, always + 1 :]) for total in totals]
+        totals = np.empty((len(sizes), *sums.shape[1:]))
+        if sizes:
+            kernel.newest(sums, len(self), np.array(sizes, dtype=np.int64), _LOST, RIDGE, always, totals)
+        rests = (Rest(total[0, always + 1 :], total[always + 1 :, always + 1 :]) for total in totals)
+        return dict(zip(sizes, rests, strict=True))
 
     def changed_p(self, sizes: Sequence[int]) -> Vector:
         """How often chance makes the newest blocks differ as much from those before them.
@@ -119,7 +159,7 @@ class Blocks:
         size = np.array(sizes, dtype=np.int64)
         ordinates = self._ordinates / BANDS
         kernel.changed(
-            self._products, self._power, len(self), size, 2, self._linear, ordinates, retuned, coloured, spreads
+            self._of_scouts, self._power, len(self), size, 2, self._linear, ordinates, retuned, coloured, spreads
         )
         p = [
             chdtrc(self._linear, np.maximum(retuned, 0.0)),
@@ -142,8 +182,9 @@ class Blocks:
         return np.asarray(np.where(size < FEWEST_BLOCKS, 0.0, chi_squared))
 
 
-def _with_offset(products: Matrix, sums: Vector, samples: int) -> Matrix:
+def _with_offset(rows: Matrix) -> Matrix:
     """Products of columns, and of 1 after the first of them: what a constant force or a drift adds to the errors."""
+    products, sums, samples = rows.T @ rows, np.ones(len(rows)) @ rows, len(rows)
     total = np.empty((len(sums) + 1, len(sums) + 1))
     total[0, 0], total[0, 2:] = products[0, 0], products[0, 1:]
     total[2:, 0], total[2:, 2:] = products[1:, 0], products[1:, 1:]

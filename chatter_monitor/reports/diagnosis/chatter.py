@@ -6,7 +6,6 @@ import numpy as np
 from scipy import signal as dsp
 
 from chatter_monitor.discrepancy.chatter.conclude import ChatterDiagnosis
-from chatter_monitor.discrepancy.chatter.limit import limit_of
 from chatter_monitor.reports.diagnosis.document import document
 from chatter_monitor.reports.diagnosis.drawing import AUGMENTED, RECORDED, figure_of, titled
 
@@ -42,17 +41,16 @@ def _picture(diagnosis: ChatterDiagnosis) -> str:
     begin_s, end_s = found.steady_s or (0.5 * t[-1], t[-1])
     steady = diagnosis.whole.samples[int(begin_s * rate) : int(end_s * rate)]
     runs = [(steady, rate, RECORDED, "recording")]
-    if diagnosis.made is not None and diagnosis.made.sure:
-        limit = limit_of(diagnosis.model, found.frequency_hz)
-        if limit is not None:
-            run = limit.run.signal / diagnosis.model.sensor.gain
-            runs.append((run[int(0.7 * run.size) :], limit.run.sample_rate_hz, AUGMENTED, "augmented simulation"))
-    for run, rate, color, label in runs:
-        frequency, density = dsp.welch(run, rate, nperseg=min(round(_RESOLVED_S * rate), run.size))
+    if diagnosis.reached is not None:
+        run = diagnosis.reached.run
+        signal = run.signal / diagnosis.model.sensor.gain
+        runs.append((signal[int(0.7 * signal.size) :], run.sample_rate_hz, AUGMENTED, "augmented simulation"))
+    for signal, rate_hz, color, label in runs:
+        frequency, density = dsp.welch(signal, rate_hz, nperseg=min(round(_RESOLVED_S * rate_hz), signal.size))
         shown = frequency < 4.0 * found.frequency_hz
         middle.plot(frequency[shown], 10.0 * np.log10(density[shown] + 1e-300), color=color, lw=0.8, label=label)
-        part = run[run.size // 2 :][: int(_SHOWN * rate / found.frequency_hz)]
-        right.plot(1e3 * np.arange(part.size) / rate, part, color=color, lw=0.9, label=label)
+        part = signal[signal.size // 2 :][: int(_SHOWN * rate_hz / found.frequency_hz)]
+        right.plot(1e3 * np.arange(part.size) / rate_hz, part, color=color, lw=0.9, label=label)
     middle.set(xlabel="Hz", ylabel="dB", title="spectrum where it stays")
     middle.legend(fontsize="small")
     right.set(xlabel="ms", ylabel=diagnosis.model.sensor.quantity, title="some periods of it")

@@ -94,12 +94,13 @@ def _draw_amplitude(axes: Axes, case: Case, p: float) -> None:
     motion = case.innovations.motion
     sd_x, sd_v = scales(motion)
     # As predicted from the samples before: an amplitude that has seen the error would choose it.
-    amplitude = np.roll(np.hypot(motion.x[1] / sd_x, motion.v[1] / sd_v), 1)
+    used = case.weight > 0.0
+    amplitude = np.roll(np.hypot(motion.x[1] / sd_x, motion.v[1] / sd_v), 1)[used]
     edges = np.quantile(amplitude, np.linspace(0.0, 1.0, 13))
     inside = np.digitize(amplitude, edges[1:-1])
-    weighted = case.innovations.white * case.weight
+    weighted = (case.innovations.white * case.weight)[used]
     for column, label, color in ((0, "stiffness", RECORDED), (1, "damping", AUGMENTED)):
-        s = case.matrix[column] * case.weight
+        s = (case.matrix[column] * case.weight)[used]
         information = np.bincount(inside, s * s, 12)
         value = np.bincount(inside, s * weighted, 12) / information
         centre = np.bincount(inside, amplitude, 12) / np.bincount(inside, minlength=12)

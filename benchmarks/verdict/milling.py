@@ -1,0 +1,269 @@
+"""Milling from the first contact on, by a simulator of teeth and chips: what is said as the tool enters, and after.
+
+Two directions with two modes each, teeth that enter and leave, run-out, loss of contact, the surface that the tooth
+before has left. It shares nothing with the cuts of `benchmarks.verdict`, in which the tool is in the cut from the first
+sample on. A second of an idle machine in a room, a stable depth, then a deeper one that chatters or the same, then the
+stable one, then the room. Speeds are told within 0.4 %, or not at all.
+
+The limit is where the linear cut begins to grow, by bisection. Depths are 0.3 to 0.75 of it, and 1.15 to 2.2 times.
+
+Run: python -m benchmarks.verdict.milling [--cuts 40] [--first 200]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from rich.progress import track
+from scipy.interpolate import CubicSpline
+from scipy.signal import fftconvolve, firwin
+
+from benchmarks.verdict.cut import RATE_HZ
+from benchmarks.verdict.monitor import Passage, watch
+
+Signal = NDArray[np.float64]
+
+# When the tool enters, when the cut becomes deeper, when shallow again, when it leaves, and the end, in seconds.
+ENTERS, DEEPER, SHALLOW, LEAVES, ENDS = 1.0, 6.0, 10.5, 12.5, 14.0
+RAMP_S = 2.5  # of a depth that grows, where it does not jump
+LEAST_RATE_HZ, STEPS_A_PERIOD = 50_000.0, 40.0
+PASS_HZ = 5800.0
+# Modes over the first of them: least and most.
+OMEGA_RANGE = ([1.0, 1.4], [0.85, 1.4]), ([1.0, 2.6], [1.2, 2.6])
+STIFFNESS_RANGE = ([1.0, 3.0], [0.8, 3.0]), ([1.0, 8.0], [2.0, 8.0])
+# Forces on an idle machine, of a mean chip's force.
+IDLE = 5e-5
+
+
+@dataclass(frozen=True)
+class Mill:
+    """A machine, a tool, a workpiece and a sensor; SI units.
+
+    Attributes
+    ----------
+    omega, zeta, stiffness : ndarray, shape (2, 2)
+        Modes, in rows those of a direction.
+    teeth, rotation_hz, told_hz
+        Edges, speed, and the speed that is told.
+    begins, ends : float
+        Angle at which a tooth enters and leaves.
+    feed, run_out : float, ndarray of shape (teeth,)
+        Chip thickness, and how far each tooth stands out.
+    pressure, radial : float
+        Cutting force per area of chip, and that across over it.
+    unsteady : float
+        Relative unsteadiness of the force.
+    chatters, ramp, over, under : bool, bool, float, float
+        Whether the deeper cut is beyond the limit, and reached slowly; depths in limits.
+    direction, derivative, noise_db, wander : int, int, float, float
+        What is measured; the room below the cut; relative wander of the speed.
+    """
+
+    seed: int
+    omega: Signal
+    zeta: Signal
+    stiffness: Signal
+    teeth: int
+    rotation_hz: float
+    told_hz: float
+    begins: float
+    ends: float
+    feed: float
+    run_out: Signal
+    pressure: float
+    radial: float
+    unsteady: float
+    chatters: bool
+    ramp: bool
+    over: float
+    under: float
+    direction: int
+    derivative: int
+    noise_db: float
+    wander: float
+
+    @property
+    def steps(self) -> int:
+        """Steps of the simulation from tooth to tooth."""
+        fastest = max(LEAST_RATE_HZ, STEPS_A_PERIOD * float(self.omega.max()) / (2.0 * math.pi))
+        return math.ceil(fastest / (self.rotation_hz * self.teeth))
+
+    @property
+    def step_s(self) -> float:
+        """Length of one."""
+        return 1.0 / (self.rotation_hz * self.teeth * self.steps)
+
+
+def draw(seed: int) -> Mill:
+    """Draw a cut."""
+    rng = np.random.default_rng([seed, 1])
+    first = np.exp(rng.uniform(np.log(250.0), np.log(1500.0)))
+    rotation_hz = float(np.exp(rng.uniform(np.log(20.0), np.log(150.0))))
+    teeth = int(rng.integers(1, 6))
+    swept = math.acos(1.0 - 2.0 * rng.choice([0.1, 0.25, 0.5, 1.0], p=[0.15, 0.3, 0.35, 0.2]))
+    down = rng.random() < 0.5
+    feed = rng.uniform(0.03e-3, 0.12e-3)
+    return Mill(
+        seed=seed,
+        omega=2.0 * np.pi * first * rng.uniform(*OMEGA_RANGE),
+        zeta=rng.uniform(0.012, 0.045, (2, 2)),
+        stiffness=10 ** rng.uniform(6.8, 7.6) * rng.uniform(*STIFFNESS_RANGE),
+        teeth=teeth,
+        rotation_hz=rotation_hz,
+        told_hz=rotation_hz * (1.0 + rng.uniform(-0.004, 0.004)),
+        begins=math.pi - swept if down else 0.0,
+        ends=math.pi if down else swept,
+        feed=feed,
+        run_out=rng.uniform(-1.0, 1.0, teeth) * rng.choice([0.02, 0.1, 0.3]) * feed,
+        pressure=rng.uniform(6e8, 2e9),
+        radial=rng.uniform(0.2, 0.5),
+        unsteady=rng.uniform(0.03, 0.15),
+        chatters=bool(rng.random() < 0.6),
+        ramp=bool(rng.random() < 0.4),
+        over=rng.uniform(1.15, 2.2),
+        under=rng.uniform(0.3, 0.75),
+        direction=int(rng.integers(2)),
+        derivative=int(rng.integers(3)),
+        noise_db=rng.uniform(15.0, 35.0),
+        wander=float(rng.choice([0.0003, 0.001, 0.002])),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _cut(steps, step_s, begins, ends, omega, zeta, stiffness, pressure, radial, feed, run_out, depth, noise, idle):
+    """Displacement, velocity and acceleration of both directions for a depth at each step, shape (steps, 2, 3).
+
+    ``noise`` has the relative unsteadiness of the force and two random forces at each step. Without a feed the cut is
+    linear: no tooth loses contact, and it starts from a small deflection.
+    """
+    teeth, linear = run_out.size, feed == 0.0
+    turn = steps * teeth
+    x, v, left = np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((teeth, turn))
+    if linear:
+        x[0, 0] = x[1, 0] = 1e-9
+    out = np.zeros((depth.size, 2, 3))
+    for i in range(depth.size):
+        force_x, force_y = idle * noise[i, 1], idle * noise[i, 2]
+        for tooth in range(teeth):
+            at, before = (i + tooth * steps) % turn, (tooth + 1) % teeth
+            angle = 2.0 * np.pi * at / turn
+            if depth[i] == 0.0 or not begins <= angle <= ends:
+                left[tooth, at] = 0.0
+                continue
+            sine, cosine = np.sin(angle), np.cos(angle)
+            towards = -(x[0].sum() * sine + x[1].sum() * cosine)
+            nominal = feed * sine + run_out[tooth] - run_out[before]
+            chip = nominal + towards - left[before, at]
+            if not (linear or chip > 0.0):  # it leaves the surface as it is
+                left[tooth, at] = left[before, at] - nominal
+                continue
+            left[tooth, at] = towards
+            tangential = pressure * depth[i] * chip * (1.0 + noise[i, 0])
+            force_x -= tangential * (cosine + radial * sine)
+            force_y += tangential * (sine - radial * cosine)
+        for d, force in ((0, force_x), (1, force_y)):
+            for m in range(2):
+                w = omega[d, m]
+                acceleration = w * w * (force / stiffness[d, m] - x[d, m]) - 2.0 * zeta[d, m] * w * v[d, m]
+                v[d, m] += step_s * acceleration
+                x[d, m] += step_s * v[d, m]
+                out[i, d, 0] += x[d, m]
+                out[i, d, 1] += v[d, m]
+                out[i, d, 2] += acceleration
+    return out
+
+
+def _run(mill: Mill, depth: Signal, noise: Signal, *, linear: bool) -> Signal:
+    feed, run_out = (0.0, 0.0 * mill.run_out) if linear else (mill.feed, mill.run_out)
+    return np.asarray(
+        _cut(
+            *(mill.steps, mill.step_s, mill.begins, mill.ends, mill.omega, mill.zeta, mill.stiffness, mill.pressure),
+            *(mill.radial, feed, run_out, depth, noise, IDLE * mill.unsteady * mill.feed * mill.pressure),
+        )
+    )
+
+
+def limit(mill: Mill) -> float:
+    """Depth at which the linear cut begins to grow, m."""
+    turn = mill.steps * mill.teeth
+    count = turn * max(12, int(0.35 / (turn * mill.step_s)))
+    silence = np.zeros((count, 3))
+
+    def grows(depth: float) -> bool:
+        size = np.abs(_run(mill, np.full(count, depth), silence, linear=True)[:, :, 0]).max(axis=1)
+        with np.errstate(invalid="ignore", over="ignore"):
+            return not size[-count // 4 :].max() < size[count // 2 : 3 * count // 4].max()
+
+    deep = 2e-5
+    while not grows(deep) and deep < 0.05:
+        deep *= 1.6
+    shallow = deep / 1.6
+    for _ in range(9):
+        middle = math.sqrt(shallow * deep)
+        shallow, deep = (shallow, middle) if grows(middle) else (middle, deep)
+    return deep
+
+
+def simulate(mill: Mill) -> Signal:
+    """The recording, at the tracker's rate."""
+    rng = np.random.default_rng([mill.seed, 2])
+    count = int(ENDS / mill.step_s)
+    time_s = np.arange(count) * mill.step_s
+    depth = np.where((time_s > ENTERS) & (time_s < LEAVES), mill.under, 0.0)
+    if mill.chatters:
+        deeper = (time_s > DEEPER) & (time_s < SHALLOW)
+        way = np.clip((time_s[deeper] - DEEPER) / RAMP_S, 0.0, 1.0) if mill.ramp else 1.0
+        depth[deeper] = mill.under + (mill.over - mill.under) * way
+    noise = rng.standard_normal((count, 3))
+    colour = np.exp(-np.arange(400) / 50.0)
+    noise[:, 0] = mill.unsteady * fftconvolve(noise[:, 0], colour / np.sqrt((colour**2).sum()))[:count]
+    moved = _run(mill, depth * limit(mill), noise, linear=False)[:, mill.direction, mill.derivative]
+    heard = fftconvolve(moved, firwin(401, PASS_HZ, fs=1.0 / mill.step_s), "same")
+    if mill.derivative == 0:  # a sensor of displacement that hears no static deflection
+        heard -= np.convolve(heard, np.full(round(0.05 / mill.step_s), mill.step_s / 0.05), "same")
+    wander = CubicSpline(np.linspace(0.0, ENDS, 60), np.cumsum(rng.standard_normal(60)))(time_s)
+    wander = mill.wander * (wander - wander.mean()) / np.abs(wander - wander.mean()).max()
+    at_s = np.interp(np.arange(int((ENDS - 0.1) * RATE_HZ)) / RATE_HZ, np.cumsum(1.0 + wander) * mill.step_s, time_s)
+    samples = CubicSpline(time_s, heard)(at_s)
+    cutting = samples[int(2.0 * RATE_HZ) : int(5.0 * RATE_HZ)].std()
+    return np.asarray(samples / cutting + 10 ** (-mill.noise_db / 20.0) * rng.standard_normal(len(samples)))
+
+
+def passages(mill: Mill, samples: Signal) -> Iterator[Passage]:
+    """The recording, a piece for what is being done."""
+    told = (60.0 * mill.told_hz, mill.teeth)
+    doing = ("idle", "stable", "chatters" if mill.chatters else "stable", "calms", "idle")
+    borders = [round(at_s * RATE_HZ / 640) * 640 for at_s in (0.0, ENTERS, DEEPER, SHALLOW, LEAVES, ENDS)]
+    for (begin, end), what in zip(pairwise(borders), doing, strict=True):
+        yield Passage(samples[begin : min(end, len(samples))], what, told)
+
+
+def main() -> None:
+    """Print what was said."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--cuts", type=int, default=40, help="how many cuts (default %(default)s)")
+    parser.add_argument("--first", type=int, default=200, help="seed of the first (default %(default)s)")
+    options = parser.parse_args()
+    said: dict[tuple[bool, str], list[float]] = {}
+    for seed in track(range(options.first, options.first + options.cuts), description="cuts"):
+        mill = draw(seed)
+        samples = simulate(mill)
+        for known in (True, False):
+            for remarks in watch(passages(mill, samples), announce=known):
+                alarms = np.array([state == "self_excited" for state in remarks.states])
+                said.setdefault((known, remarks.doing), []).append(float(alarms.mean()))
+    print("speed    doing      passages  with an alarm  intervals in alarm")
+    for (known, doing), shares in sorted(said.items(), key=lambda item: (not item[0][0], item[0][1])):
+        some = sum(share > 0.0 for share in shares)
+        print(f"{'told' if known else 'unknown':8} {doing:10} {len(shares):8d} {some:14d} {np.mean(shares):19.1%}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,157 @@
+"""What an interval is called, given what has been followed so far: one word, how sure, and why."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from chatter_monitor.records import State
+from chatter_monitor.verdict import reasons
+from chatter_monitor.verdict.evidence import Evidence, Vibration, probability_below
+from chatter_monitor.verdict.settings import JudgeSettings
+from chatter_monitor.verdict.vibrations import Told
+
+# From this share of the power on, what turns with the spindle comes before a warning.
+MOST = 0.5
+# How likely more than half of the power is forced, by the share that is heard as such, fitted to development cuts
+# without tones from elsewhere: with none of it; the share half-way to certainty, and how far from it the odds change
+# e-fold.
+FORCED_WITH_NONE = 0.01
+HALF_WAY, SHARE_DOUBT = 0.57, 0.11
+# Of the warnings that come long before an alarm, so many were right, likewise: the others were late, or forced.
+WARNING_RIGHT = 0.4
+# Of what is forced so much is heard as steady: the rest is unsteady, or in lines too weak to stand out.
+HEARD_AS_STEADY = 0.67
+# By so much the share may be below the border before what was called forced is not any more, and the other way round.
+HYSTERESIS = 0.05
+
+# Relative distance within which frequencies belong to one vibration.
+SAME_VIBRATION = 0.1
+
+
+class Memory(NamedTuple):
+    """What the judge remembers from one interval to the next.
+
+    Attributes
+    ----------
+    loudest : float
+        Largest rms, forgotten with a time constant of a minute.
+    told : Told
+        What is told of the vibrations that are followed.
+    synchronous : float
+        Share of the power that turns with the spindle, averaged over some intervals.
+    steady : float
+        That of all that is heard as forced because it turns or is steady, averaged likewise.
+    repeating : float
+        Share of the power that repeats from rotation to rotation.
+    forced_share : float
+        Share of the power that is forced: what repeats, or what is steady and what stands for it, if that is more.
+    forced : bool
+        Whether the last interval was called forced.
+    undamped : bool
+        Whether its damping was surely as good as none.
+    since_alarm : float
+        Intervals since the last one that was called chatter.
+    """
+
+    loudest: float = 0.0
+    told: Told = Told()
+    synchronous: float = 0.0
+    steady: float = 0.0
+    repeating: float = 0.0
+    forced_share: float = 0.0
+    forced: bool = False
+    undamped: bool = False
+    since_alarm: float = math.inf
+
+
+class Opinion(NamedTuple):
+    """State, how sure, why, and which vibration is meant."""
+
+    state: State
+    confidence: float
+    reasons: tuple[str, ...]
+    vibration: Vibration | None = None
+
+
+def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opinion:
+    """What an interval is, given what has been followed so far."""
+    told = memory.told
+    alarm = told.alarm
+    if alarm is not None:
+        return Opinion("self_excited", alarm.self_excited, reasons.chatter(alarm, evidence.orders.growth), alarm.heard)
+    calm = 1.0 - told.overview.suspicion
+    forced = _forced_by(memory.forced_share)
+    if memory.synchronous > MOST:
+        return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
+    suspect = told.suspect if told.overview.heard_suspicion >= settings.warning_probability else None
+    if suspect is not None:
+        return Opinion("approaching", WARNING_RIGHT * calm, (reasons.warned(suspect),), suspect.heard)
+    if evidence.orders.growth > 0.0:
+        return Opinion("approaching", WARNING_RIGHT * calm, (reasons.grown(evidence.orders.growth),))
+    if _is_mostly_forced(memory, settings):
+        return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
+    return _stable_or_near(evidence, memory, calm * (1.0 - forced), settings)
+
+
+def entering(memory: Memory, settings: JudgeSettings) -> Opinion:
+    """What a cut is that begins: of its lines nothing is known yet, but whether it repeats is heard."""
+    forced = _forced_by(memory.forced_share)
+    if _is_mostly_forced(memory, settings):
+        return Opinion("forced", forced, ("the tool enters the cut", reasons.repeating(memory.repeating)))
+    return Opinion("stable", 1.0 - forced, ("the tool enters the cut",))
+
+
+def _is_mostly_forced(memory: Memory, settings: JudgeSettings) -> bool:
+    """Whether the share that is forced is beyond the border."""
+    return memory.forced_share > settings.forced_share + (-HYSTERESIS if memory.forced else HYSTERESIS)
+
+
+def stands_for(steady: float) -> float:
+    """Share of the power that is forced, by that which is heard as steady."""
+    return min(steady / HEARD_AS_STEADY, 1.0)
+
+
+def _forced_by(share: float) -> float:
+    """Probability that more than half of the power is forced, by the share that is heard as such."""
+    return FORCED_WITH_NONE + (1.0 - FORCED_WITH_NONE) / (1.0 + math.exp((HALF_WAY - share) / SHARE_DOUBT))
+
+
+def _stable_or_near(evidence: Evidence, memory: Memory, sure: float, settings: JudgeSettings) -> Opinion:
+    """Among what neither is chatter nor forced: how much is left."""
+    margin, mode = evidence.margin, evidence.critical
+    if margin.margin_ci95 is not None and margin.margin_ci95[1] < settings.approaching_margin_percent:
+        why = f"only {max(margin.margin_percent or 0.0, 0.0):.0f} % more depth before it chatters"
+        return Opinion("approaching", WARNING_RIGHT * sure, (why,))
+    if mode is None:
+        return Opinion("stable", sure, ("no mode stands out",))
+    where = f"damping {reasons.damping(mode)} at {mode.frequency_hz:.0f} Hz"
+    # One interval, the second of a recording above all, says little that the next does not take back.
+    # What something forces reads as undamped.
+    undamped = memory.undamped and is_undamped(evidence, settings)
+    if undamped and not memory.told.is_forced(mode.frequency_hz, SAME_VIBRATION):
+        return Opinion("approaching", WARNING_RIGHT * sure, (where,))
+    return Opinion("stable", sure, (where,))
+
+
+def is_undamped(evidence: Evidence, settings: JudgeSettings) -> bool:
+    """Whether little damping is left, as far as one interval tells."""
+    mode = evidence.critical
+    return mode is not None and probability_below(mode, settings.approaching_damping) >= settings.certainty
+
+
+def _why_forced(
+    evidence: Evidence, memory: Memory, settings: JudgeSettings
+) -> tuple[tuple[str, ...], Vibration | None]:
+    """Why most of the power is forced, and by which vibration: what is steady, where that alone would be enough."""
+    strongest = memory.told.steadiest
+    turns = strongest is None or memory.synchronous > 0.5 * memory.forced_share
+    vibration = None if strongest is None or turns else strongest.heard
+    if stands_for(memory.steady) > settings.forced_share:
+        if turns and evidence.orders.heard:
+            return (reasons.turning(evidence.orders),), None
+        if strongest is not None:
+            return (reasons.steady(strongest),), strongest.heard
+    if memory.repeating > memory.synchronous:
+        return (reasons.repeating(memory.repeating),), vibration
+    return ("most of the power was steady until just now",), vibration
