@@ -7,8 +7,8 @@ the tool is taken to be in the cut: who does not know misses nothing. When the r
 in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters. So is what
 begins where nothing but noise was heard, no line and nothing that turns, if it lifts the noise at once as well: a
 vibration that grows by itself comes before the noise that it makes. So is what is there at once, noise or not, where
-lines were faint: growth takes time. What falls while most of what is heard goes on,
-fainter, is a cut that gets lighter.
+lines were faint and nothing repeated: growth takes time, and where teeth are heard the tool is in the cut. What falls
+while most of what is heard goes on, fainter, is a cut that gets lighter.
 """
 
 import math
@@ -34,6 +34,8 @@ LONE = 0.2
 # Where no line stood out by so much, a tenth of the power, what is louder by so much within so many transforms is the
 # tool: to grow out of a tenth to that in 25 ms, a vibration would have to grow e-fold in 10 ms.
 FAINT, LEAP, AT_ONCE = 15.0 * DECIBEL, 12.0 * DECIBEL, 2
+# Teeth are heard, whether any of their lines stands out or not, where so much of the power repeats.
+TEETH = 0.2
 # The tool has entered when the level has not risen by so much in so many frames; it takes a second at most.
 STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 
@@ -50,7 +52,7 @@ def new_air():
 
 
 @njit(**OPTIONS)
-def engaged(levels, powers, crests, fainter, leapt, head, air, scratch):
+def engaged(levels, powers, crests, repeating, fainter, leapt, head, air, scratch):
     """Whether the tool is in the cut and has been for a moment.
 
     Parameters
@@ -59,6 +61,8 @@ def engaged(levels, powers, crests, fainter, leapt, head, air, scratch):
         Rings: mean over the bins of the logarithm of their power, and logarithm of the whole power, in each frame.
     crests : ndarray, shape (frames,)
         Ring: how far the line that stands out most does, infinite where something turns.
+    repeating : ndarray, shape (frames,)
+        Ring: share of the power that repeats (`kernels.repeats`).
     fainter : bool
         Whether most of what is heard goes on, fainter.
     leapt : bool
@@ -95,7 +99,7 @@ def engaged(levels, powers, crests, fainter, leapt, head, air, scratch):
             if louder and not out:
                 crest = _before(crests, head, air[ALIKE], scratch)
                 out = crest < NOISE and rose >= max(NEAR, LONE * crests[newest])
-                out |= crest < FAINT and leapt
+                out |= leapt and crest < FAINT and _before(repeating, head, air[ALIKE], scratch) < TEETH
     if out:
         air[ENTERED] = air[SINCE] = 0.0
         return False

@@ -144,5 +144,11 @@ class Channel:
 
 def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[NDArray[np.float64], bool, bool, bool]:
     """Lines of a frame; whether the tool is in the cut, enters it, and nothing but lines was heard of the last one."""
-    found = spectrum.take(frame.signal, alike=not orders.returned, turns=orders.heard, fainter=orders.fainter)
+    found = spectrum.take(
+        frame.signal,
+        alike=not orders.returned,
+        turns=orders.heard,
+        repeating=orders.repeating_share,
+        fainter=orders.fainter,
+    )
     return found, spectrum.cutting, spectrum.entering, spectrum.alone

@@ -117,7 +117,13 @@ class Spectrum:
         return bool(self._state.air[ALONE])
 
     def take(
-        self, signal: NDArray[np.float64], *, alike: bool = True, turns: bool = False, fainter: bool = False
+        self,
+        signal: NDArray[np.float64],
+        *,
+        alike: bool = True,
+        turns: bool = False,
+        repeating: float = 0.0,
+        fainter: bool = False,
     ) -> NDArray[np.float64]:
         """Take the samples of the next frame and return its lines, rows of `Line`, most prominent first.
 
@@ -130,9 +136,11 @@ class Spectrum:
             risen out of what was before.
         turns : bool
             Whether something that turns has been taken out of it.
+        repeating : float
+            Share of the power, with what turns, that repeats.
         fainter : bool
             Whether most of what is heard goes on, fainter: the cut has got lighter, and the tool has not left.
         """
-        count = self._find(np.ascontiguousarray(signal, np.float64), alike, turns, fainter)
+        count = self._find(np.ascontiguousarray(signal, np.float64), alike, turns, repeating, fainter)
         lines: NDArray[np.float64] = self._measures[:count] * self._units
         return lines

@@ -13,12 +13,14 @@ LOUD = 10.0  # how much more the whole power of a cut is than its level
 STANDS_OUT, NOISE = 20.0, 6.0  # how far the most prominent line stands out of a cut, and of noise
 
 
-def told(*stretches, columns=160, seed=1, fainter=(), leapt=()):
+def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), repeating=0.0):
     """Whether the tool is in the cut, frame by frame, for stretches of (frames, level, power, crest) in dB.
 
     In the frames ``fainter`` most of what is heard goes on, fainter; in the frames ``leapt`` all became louder at once.
+    So much of the power repeats all along.
     """
     rng = np.random.default_rng(seed)
+    repeats = np.full(columns, repeating)
     (levels, powers, crests), cutting = np.zeros((3, columns)), np.zeros(columns, bool)
     air, result = engagement.new_air(), []
     for frames, level, power, crest in stretches:
@@ -29,7 +31,9 @@ def told(*stretches, columns=160, seed=1, fainter=(), leapt=()):
             crests[column] = DECIBEL * crest
             head = len(result) + 1
             cutting[column] = engagement.engaged(
-                levels, powers, crests, len(result) in fainter, len(result) in leapt, head, air, np.zeros(columns)
+                *(levels, powers, crests, repeats),
+                *(len(result) in fainter, len(result) in leapt),
+                *(head, air, np.zeros(columns)),
             )
             result.append(bool(cutting[column]))
     return result
@@ -150,11 +154,14 @@ def test_a_line_that_rises_out_of_noise_is_no_tool_that_enters():
     assert all(told(room(60), cut(60)))
 
 
-@pytest.mark.parametrize(("crest", "enters"), [(NOISE, True), (12.0, True), (STANDS_OUT, False)])
-def test_what_leaps_out_of_faint_lines_is_a_tool_that_enters(crest, enters):
-    """Whether it lifts the noise or not; what leaps where lines stood out is something else in the cut."""
+@pytest.mark.parametrize(
+    ("crest", "repeating", "enters"),
+    [(NOISE, 0.0, True), (12.0, 0.1, True), (STANDS_OUT, 0.0, False), (12.0, 0.3, False)],
+)
+def test_what_leaps_out_of_faint_lines_is_a_tool_that_enters(crest, repeating, enters):
+    """Whether it lifts the noise or not; what leaps where lines stood out or teeth were heard is in the cut already."""
     leaps = room(60, tone=AIR + 30.0)
-    after = told(room(60, crest=crest), leaps, leapt=(60, 61))[60:]
+    after = told(room(60, crest=crest), leaps, leapt=(60, 61), repeating=repeating)[60:]
     assert all(after) is not enters
     assert all(after[9:])
 
