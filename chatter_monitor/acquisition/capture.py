@@ -111,7 +111,9 @@ class Capturing:
         self._opener = opener
         self._clock = clock
         self._patience = patience
-        self._opened: queue.SimpleQueue[Capture] = queue.SimpleQueue()
+        # No SimpleQueue: its `get` waits for ever if a signal comes whose handler outlasts the timeout (CPython 3.11),
+        # and a busy daemon without a device did not end on SIGTERM.
+        self._opened: queue.Queue[Capture] = queue.Queue()
         self._stopping = threading.Event()
         self._sleep = sleep or self._stopping.wait
         self._death: BaseException | None = None

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import threading
+import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -314,6 +317,29 @@ def test_absent_devices_are_looked_for_with_growing_patience():
     card.close()
     thread.join(20.0)
     assert waits[:6] == [0.1, 0.2, 0.5, 1.0, 1.0, 1.0]
+
+
+@pytest.mark.timeout(30)
+def test_a_signal_whose_handler_is_slow_stops_a_card_that_waits_for_its_device():
+    """As SIGTERM does on a busy machine: the handler has not returned when the wait should have been over."""
+    devices = FakeDevices()
+    devices.absent = "nothing there"
+    clock = Clock()
+    index_clock = IndexClock(RATE_HZ, clock, clock)
+    slow = Patience(tick_s=0.4)
+    card = SoundCard(InputSettings(), RATE_HZ, opener=devices, index_clock=index_clock, clock=clock, patience=slow)
+
+    def stop(*_):
+        card.stop()
+        time.sleep(2 * slow.tick_s)
+
+    before = signal.signal(signal.SIGUSR1, stop)
+    threading.Timer(0.5 * slow.tick_s, os.kill, (os.getpid(), signal.SIGUSR1)).start()
+    try:
+        assert list(card.blocks()) == []
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+        card.close()
 
 
 def test_a_device_that_opens_and_never_delivers():
