@@ -214,7 +214,8 @@ class NaiveVibration:
             seen = self.likeness(line, weights)
             news = self.news(line, seen[0] * rules.chain.evidence) if seen[0] > 0.0 else -self.told
             self.told += news
-        self.kinds = self.forward(seen, news, rules.chain)
+        came = line is not None and line["arrival"] > 0.8
+        self.kinds = self.forward(seen, news, rules.chain, unforced=self.chattered or came)
         risen = self.kinds[1] + self.kinds[2]
         last = self.glides[-109:]
         glided = any(all(last[i : i + 10]) for i in range(len(last) - 9))
@@ -257,16 +258,16 @@ class NaiveVibration:
         if self.chattered and fallen and line["absolute_rise"] < 0.0:
             return np.full(3, -CONVINCING)
         growth, calm = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
-        risen = min(line["long_rise"], line["absolute_rise"])
+        risen = max(min(line["long_rise"], line["absolute_rise"]), line["arrival"])
         seen = np.array([growth, calm, max(calm - 8.0 * max(risen - 0.8, 0.0), -CONVINCING)])
         least = np.exp(-vibrations.COHERENT_DAMPING * 2.0 * np.pi * line["frequency_hz"] * 0.025)
         if line["coherence"] < max(least, vibrations.LEAST_COHERENCE):
             seen[0] = min(seen[0], 0.0)
         return seen
 
-    def forward(self, seen: NDArray[np.float64], news: float, chain: Chain) -> NDArray[np.float64]:
+    def forward(self, seen: NDArray[np.float64], news: float, chain: Chain, *, unforced: bool) -> NDArray[np.float64]:
         change = np.zeros((4, 4))  # from noise, growing, saturated, steady
-        change[0, 1], change[0, 2 if self.chattered else 3] = chain.begins_to_grow, chain.begins_steady
+        change[0, 1], change[0, 2 if unforced else 3] = chain.begins_to_grow, chain.begins_steady
         change[1, 0], change[1, 2] = chain.dies_while_growing, chain.saturates
         change[2, 0] = chain.ends
         change[3, 0], change[3, 1] = chain.ends, chain.grows_when_steady
@@ -274,6 +275,13 @@ class NaiveVibration:
         likelihood = np.exp(chain.evidence * np.array([0.0, *seen]) + np.array([0.0, news, 0.0, 0.0]))
         posterior = self.kinds @ change * likelihood
         return np.asarray(posterior / posterior.sum())
+
+
+def arrival(history: NDArray[np.float64], since: int, b: int, least: int) -> float:
+    """How much higher a bin is than the upper median of all that was before the tool entered, as `news`."""
+    heights = history[:, b - 1 : b + 2].max(axis=1)
+    before = np.sort(heights[: len(heights) - since])
+    return 0.5 * float(heights[-1] - before[len(before) // 2]) if len(before) >= least else 0.0
 
 
 def news(history: NDArray[np.float64], cutting: NDArray[np.bool_], since: int, b: int, least: int) -> float:

@@ -3,11 +3,12 @@
 Two directions with two modes each, teeth that enter and leave, run-out, loss of contact, the surface that the tooth
 before has left. It shares nothing with the cuts of `benchmarks.verdict`, in which the tool is in the cut from the first
 sample on. A second of an idle machine in a room, a stable depth, then a deeper one that chatters or the same, then the
-stable one, then the room. Speeds are told within 0.4 %, or not at all.
+stable one, then the room; or, at once, what chatters does so from the first contact on. Speeds are told within 0.4 %,
+or not at all.
 
 The limit is where the linear cut begins to grow, by bisection. Depths are 0.3 to 0.75 of it, and 1.15 to 2.2 times.
 
-Run: python -m benchmarks.verdict.milling [--cuts 40] [--first 200]
+Run: python -m benchmarks.verdict.milling [--cuts 40] [--first 200] [--at-once]
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -239,7 +240,8 @@ def simulate(mill: Mill) -> Signal:
 def passages(mill: Mill, samples: Signal) -> Iterator[Passage]:
     """The recording, a piece for what is being done."""
     told = (60.0 * mill.told_hz, mill.teeth)
-    doing = ("idle", "stable", "chatters" if mill.chatters else "stable", "calms", "idle")
+    later = ("stable", "chatters" if mill.chatters else "stable", "calms")
+    doing = ("idle", *(3 * ("chatters",) if mill.under > 1.0 else later), "idle")
     borders = [round(at_s * RATE_HZ / 640) * 640 for at_s in (0.0, ENTERS, DEEPER, SHALLOW, LEAVES, ENDS)]
     for (begin, end), what in zip(pairwise(borders), doing, strict=True):
         yield Passage(samples[begin : min(end, len(samples))], what, told)
@@ -250,10 +252,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--cuts", type=int, default=40, help="how many cuts (default %(default)s)")
     parser.add_argument("--first", type=int, default=200, help="seed of the first (default %(default)s)")
+    parser.add_argument("--at-once", action="store_true", help="what chatters does so from the first contact on")
     options = parser.parse_args()
     said: dict[tuple[bool, str], list[float]] = {}
     for seed in track(range(options.first, options.first + options.cuts), description="cuts"):
         mill = draw(seed)
+        if options.at_once and mill.chatters:
+            mill = replace(mill, under=mill.over)
         samples = simulate(mill)
         for known in (True, False):
             for remarks in watch(passages(mill, samples), announce=known):

@@ -38,7 +38,8 @@ COHERENCE_LAG_S = 0.025
 
 # A line of the short-time spectrum (`tracking.spectrum.Line`), with the damping ratio of the tracker's mode at it, or
 # its own where there is none, its log odds for self-excitation by its place among the orders, the share of the power
-# that its vibration takes, by how much it has grown from rotation to rotation (natural logarithm), and that power.
+# that its vibration takes, by how much it has grown from rotation to rotation (natural logarithm), that power, and by
+# how much it stands out more than before the tool entered, where nothing that turns explains that.
 LINE = np.dtype(
     [
         ("frequency_hz", float),
@@ -55,6 +56,7 @@ LINE = np.dtype(
         ("dominance", float),
         ("growth", float),
         ("power", float),
+        ("arrival", float),
     ]
 )
 
@@ -177,7 +179,7 @@ def likeness(line, weights):
         growth += weights[0, i] * x[i]
         calm += weights[1, i] * x[i]
     calm = _bounded(calm + weights[1, MEASURES])
-    risen = min(line.long_rise, line.absolute_rise)
+    risen = max(min(line.long_rise, line.absolute_rise), line.arrival)
     growth = _bounded(growth + weights[0, MEASURES])
     return Likeness(growth, calm, _bounded(calm - UNLIKELY * max(risen - LOUDER, 0.0)))
 
@@ -196,7 +198,7 @@ def beyond_chance(line):
 
 
 @njit(**OPTIONS)
-def follow(before, seen, news, chain, again):
+def follow(before, seen, news, chain, unforced):
     """Probabilities after another frame: the forward recursion of the chain.
 
     Parameters
@@ -207,8 +209,9 @@ def follow(before, seen, news, chain, again):
     news : float
         What it says besides, for growth, that no frame before has said: it counts in full.
     chain : Chain
-    again : bool
-        Whether it has chattered before: what is calm and coherent then is saturated, not steady from the start.
+    unforced : bool
+        Whether it has chattered before, or came with the tool where nothing forces it: what is calm and coherent then
+        is saturated, not steady from the start.
     """
     noise, growing, saturated, steady = before
     begun, begun_when_steady = noise * chain.begins_to_grow, steady * chain.grows_when_steady
@@ -218,8 +221,8 @@ def follow(before, seen, news, chain, again):
     begun_calm = noise * chain.begins_steady
     noise += died + ended_saturated + ended_steady - begun - begun_calm
     growing += begun + begun_when_steady - died - grown
-    saturated += grown - ended_saturated + (begun_calm if again else 0.0)
-    steady -= ended_steady + begun_when_steady - (0.0 if again else begun_calm)
+    saturated += grown - ended_saturated + (begun_calm if unforced else 0.0)
+    steady -= ended_steady + begun_when_steady - (0.0 if unforced else begun_calm)
 
     grows = chain.evidence * seen.growth + news
     calm = chain.evidence * seen.calm

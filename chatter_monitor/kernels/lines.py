@@ -18,7 +18,7 @@ from chatter_monitor.kernels.narrowband import FRAME_HOPS, PARTS, beat, behaviou
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.prominence import TINY, crest, most_prominent, recent_power, share, stand_out
 from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
-from chatter_monitor.kernels.rise import compared, news, rise
+from chatter_monitor.kernels.rise import arrival, compared, news, rise
 from chatter_monitor.kernels.transform import real_transform
 
 # A line that stands out neither twice nor half as much as before (natural logarithm of the amplitude).
@@ -26,9 +26,10 @@ AS_BEFORE = 0.7
 # Indices into what is told of a line, in the order of `tracking.spectrum.Line`: the bin that it is at, interpolated;
 # share of the power; how far it stands out; coefficient of variation of its modulus over half of the ring; growth of
 # its logarithm in a hop; rise within the time of the ring, and within that of the reliefs, and the latter whatever the
-# surroundings did; coherence; how much more it stands out than in cuts before and the air between.
-BIN, SHARE, PROMINENCE, VARIATION, GROWTH, RISE, LONG_RISE, ABSOLUTE_RISE, COHERENCE, NEWS = range(10)
-MEASURES = 10
+# surroundings did; coherence; how much more it stands out than in cuts before and the air between, and
+# than in all that was heard before the tool entered.
+BIN, SHARE, PROMINENCE, VARIATION, GROWTH, RISE, LONG_RISE, ABSOLUTE_RISE, COHERENCE, NEWS, ARRIVAL = range(11)
+MEASURES = 11
 
 # Indices of `LineState.counts`: samples and hops taken, frames looked at, those of them that the signal has been alike
 # for, and those since the whole fell, as long as it has not come back.
@@ -257,5 +258,6 @@ def _follow(hop, lowest, turns, repeating, fainter, state, peaks, measures):
             out[ABSOLUTE_RISE] = min(out[ABSOLUTE_RISE], above)
         if abs(out[LONG_RISE]) < AS_BEFORE:  # it may go with the rest
             out[VARIATION] = min(out[VARIATION], variation_beside(line, state.levels, counts[FRAMES], scratch))
+        out[ARRIVAL] = arrival(reliefs, since, counts[FRAMES], known, b, scratch)
         out[NEWS] = news(reliefs, state.cutting, since, counts[FRAMES], known, b, scratch)
     return count

@@ -90,6 +90,25 @@ def _height(heights, b, column):
 
 
 @njit(**OPTIONS)
+def arrival(heights, since, head, frames, b, scratch):
+    """Half the prominence of a bin less its median in all that was heard before the tool entered, cut or air.
+
+    Zero where too little of it has been heard. Parameters as of `rise`.
+    """
+    columns = heights.shape[1]
+    newest = before(head % columns, columns)
+    known = min(frames, head, columns)
+    count = 0 if since >= known else known - int(since)
+    if count < HEARD:
+        return 0.0
+    column = (newest + 1 - int(since)) % columns
+    for i in range(count):
+        column = before(column, columns)
+        scratch[i] = _height(heights, b, column)
+    return 0.5 * (_height(heights, b, newest) - median_of_many(scratch[:count]))
+
+
+@njit(**OPTIONS)
 def news(heights, cutting, since, head, frames, b, scratch):
     """Half the prominence of a bin less what it was before this cut: its median in cuts before, and in the last air.
 

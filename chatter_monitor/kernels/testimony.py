@@ -7,6 +7,7 @@ from numba import njit
 from chatter_monitor.kernels.heard import BY_CHANCE, DAMPING_RATIO, HERTZ, NEAR, NEAR_TEETH, TEETH_BY_CHANCE
 from chatter_monitor.kernels.lines import (
     ABSOLUTE_RISE,
+    ARRIVAL,
     COHERENCE,
     GROWTH,
     LONG_RISE,
@@ -21,6 +22,8 @@ from chatter_monitor.kernels.vibrations import LINE_WIDTH_HZ
 
 # Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
 FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
+# What came with the tool tells of chatter where it takes most of the power: each mode that noise drives comes with it.
+MOST = 0.5
 # Multiples that count as overtones, and how near to one a line has to be.
 OVERTONES, OVERTONE_HZ = 5, 8.0
 
@@ -55,6 +58,7 @@ def witness(heard, taken, found, spindle, growth, power, odds, lines):
         seen, line = heard[i], lines[i]
         _copy(seen, line)
         line.power = power
+        line.arrival = 0.0
         line.order_odds = _order_odds(seen, found, odds)
         line.dominance = _own_share(seen, taken, power)
         if line.order_odds > 0.0:  # teeth have overtones, too
@@ -65,6 +69,7 @@ def witness(heard, taken, found, spindle, growth, power, odds, lines):
             line.dominance += overtones
             if spindle:
                 _add_news(seen[NEWS], line)
+                line.arrival = seen[ARRIVAL] if line.dominance > MOST else 0.0
         line.growth = growth if i == strongest else 0.0
         if line.growth > 0.0:
             # out of step is off the orders, whatever the speed; and all power is its but what there was before

@@ -8,6 +8,7 @@ from numba import njit
 
 from chatter_monitor.kernels.kinds import (
     CONVINCING,
+    LOUDER,
     NOTHING,
     PRIOR,
     REGENERATED,
@@ -254,7 +255,7 @@ def _heard(vibration, line, rules, weights):
     dominance = _dominance(vibration, line)
     vibration.dominance = max(dominance, vibration.dominance) if vibration.alarm_for else dominance
     seen = _likeness(vibration, line, weights)
-    _another_interval(vibration, seen, _news(vibration, line, seen, rules), rules)
+    _another_interval(vibration, seen, _news(vibration, line, seen, rules), rules, line.arrival > LOUDER)
 
 
 @njit(**OPTIONS)
@@ -297,13 +298,13 @@ def _glide(vibration):
 def _unheard(vibration, rules):
     """An interval in which none was."""
     vibration.missed += 1
-    _another_interval(vibration, NOT_HEARD, 0.0, rules)
+    _another_interval(vibration, NOT_HEARD, 0.0, rules, False)
 
 
 @njit(**OPTIONS)
-def _another_interval(vibration, seen, news, rules):
+def _another_interval(vibration, seen, news, rules, arrived):
     """Whether it has risen and stayed, whether something that turns explains it, and whether that is an alarm."""
-    kinds = follow(_kinds(vibration), seen, news, rules.chain, vibration.chattered)
+    kinds = follow(_kinds(vibration), seen, news, rules.chain, vibration.chattered or arrived)
     risen = kinds.growing + kinds.saturated
     odds = vibration.order_odds + rules.odds.offset + rules.odds.dominance * vibration.dominance
     if vibration.glided > 0 and not vibration.chattered:

@@ -52,6 +52,8 @@ class Line(NamedTuple):
     news : float
         Logarithm of its present amplitude over that in the cuts before this one and in the air between, beyond what its
         surroundings have risen; 0 where that has not been heard.
+    arrival : float
+        The same over all that was heard before the tool entered, cuts or air: what came with the tool.
     """
 
     frequency_hz: float
@@ -64,6 +66,7 @@ class Line(NamedTuple):
     absolute_rise: float
     coherence: float
     news: float = 0.0
+    arrival: float = 0.0
 
     @property
     def steady_share(self) -> float:

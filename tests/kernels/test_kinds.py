@@ -30,7 +30,7 @@ def line(**about):
     usual = {
         "frequency_hz": 1000.0, "share": 0.5, "prominence_db": 20.0, "variation": 0.3, "growth_per_s": 20.0,
         "rise": 0.7, "long_rise": 1.5, "absolute_rise": 1.7, "coherence": 0.9, "damping_ratio": 0.02, "order_odds": 0.0,
-        "dominance": 0.5, "growth": 0.0, "power": 1.0,
+        "dominance": 0.5, "growth": 0.0, "power": 1.0, "arrival": 0.0,
     }  # fmt: skip
     return np.array([tuple((usual | about)[name] for name in LINE.names)], LINE)[0]
 
@@ -149,15 +149,16 @@ def test_more_growth_is_more_growing(weights, before, more):
 def test_what_is_calm_and_louder_than_before_has_risen():
     """A line that is calm from its first frame on has risen if it is e-fold louder than before, else it is steady."""
 
-    def kinds(long_rise, absolute_rise):
-        calm = kernel.likeness(
-            line(long_rise=long_rise, absolute_rise=absolute_rise), np.eye(2, kernel.MEASURES + 1, 5)
-        )
+    def kinds(long_rise, absolute_rise, arrival=0.0):
+        about = line(long_rise=long_rise, absolute_rise=absolute_rise, arrival=arrival)
+        calm = kernel.likeness(about, np.eye(2, kernel.MEASURES + 1, 5))
         return followed(*[calm._replace(growth=2.0, calm=3.0, steady=3.0 + calm.steady - calm.calm)] * 40)[-1]
 
     assert kinds(1.0 + kernel.LOUDER, 1.0 + kernel.LOUDER).risen > 0.8
     assert kinds(1.0 + kernel.LOUDER, 0.0).steady > 0.8
     assert kinds(0.0, 1.0 + kernel.LOUDER).steady > 0.8
+    assert kinds(0.0, 0.0).steady > 0.8
+    assert kinds(0.0, 0.0, arrival=1.0 + kernel.LOUDER).risen > 0.8
 
 
 def test_measures_are_what_the_docstring_says():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chatter_monitor.kernels.rise import HEARD, compared, news, rise
+from chatter_monitor.kernels.rise import HEARD, arrival, compared, news, rise
 from tests import naive
 from tests.kernels.rings import BINS
 
@@ -54,6 +54,10 @@ def test_news_is_that_of_the_twin(head, since):
         kept[:, index % rows], cutting[index % rows] = relief, in_the_cut[index]
     expected = naive.news(history[-rows:], in_the_cut[-rows:], since, b, HEARD)
     assert news(kept, cutting, float(since), head, rows, b, np.zeros(rows)) == pytest.approx(expected)
+    came = naive.arrival(history[-rows:], since, b, HEARD)
+    assert arrival(kept, float(since), head, rows, b, np.zeros(rows)) == pytest.approx(came)
+    assert arrival(kept, np.inf, head, rows, b, np.zeros(rows)) == 0.0
+    assert arrival(kept, float(head - HEARD + 1), head, rows, b, np.zeros(rows)) == 0.0  # too little was heard before
     in_the_air = cutting.copy()
     in_the_air[(head - 1) % rows] = False
     assert news(kept, in_the_air, float(since), head, rows, b, np.zeros(rows)) == 0.0

@@ -9,7 +9,7 @@ import pytest
 
 from chatter_monitor.kernels.heard import BY_CHANCE, FIELDS, HERTZ, NEAR, NEAR_TEETH, TEETH_BY_CHANCE
 from chatter_monitor.kernels.kinds import LINE
-from chatter_monitor.kernels.lines import NEWS, SHARE
+from chatter_monitor.kernels.lines import ARRIVAL, NEWS, SHARE
 from chatter_monitor.kernels.testimony import witness
 from chatter_monitor.kernels.vibrations import Odds
 
@@ -25,7 +25,7 @@ def said_of(heard, *, taken=NOTHING, found=False, spindle=False, growth=0.0, pow
 
 def line(hertz, share=0.5, near=0.0, by_chance=0.2, near_teeth=0.0, teeth_by_chance=0.1):
     row = np.zeros(FIELDS)
-    row[[HERTZ, SHARE, NEWS]] = hertz, share, 1.5
+    row[[HERTZ, SHARE, NEWS, ARRIVAL]] = hertz, share, 1.5, 2.5
     row[[NEAR, BY_CHANCE, NEAR_TEETH, TEETH_BY_CHANCE]] = near, by_chance, near_teeth, teeth_by_chance
     return row
 
@@ -53,6 +53,16 @@ def test_news_count_off_the_orders_of_a_spindle_that_is_heard(spindle, place, ri
     """What is new in this cut counts as risen by as much, but on an order, or where no spindle is heard."""
     (said,) = said_of(np.array([line(500.0, 0.5, place, 0.2, place)]), spindle=spindle)
     assert (said["long_rise"], said["absolute_rise"]) == (rise, rise)
+
+
+@pytest.mark.parametrize(
+    ("spindle", "place", "share", "came"),
+    [(True, 0.0, 0.7, 2.5), (True, 0.0, 0.3, 0.0), (False, 0.0, 0.7, 0.0), (True, 1.0, 0.7, 0.0)],
+)
+def test_what_came_with_the_tool_counts_off_the_orders_where_it_takes_most(spindle, place, share, came):
+    """Where a spindle is heard, and the line is on none of its orders; each mode that noise drives comes, too."""
+    (said,) = said_of(np.array([line(500.0, share, place, 0.2, place)]), spindle=spindle)
+    assert said["arrival"] == came
 
 
 def test_the_share_of_a_line_is_its_own_and_that_of_its_overtones():

@@ -183,6 +183,15 @@ def test_an_alarm_from_the_entry_tells_what_is_new():
     assert view.reasons[1] == "it stands out 5.0 times as much as in the cuts before"
 
 
+def test_an_alarm_from_the_first_contact_tells_why():
+    """Where there was no cut before, that it came with the tool."""
+    entered = steady()
+    entered = entered._replace(line=entered.line._replace(arrival=math.log(5.0)))
+    alarm = Followed(HZ, Kinds(0.0, 0.1, 0.9, 0.0), unexplained=0.9, alarm_for=3, heard=entered)
+    view = opinion(evidence(entered), remembered(alarm), JudgeSettings())
+    assert view.reasons[1] == "it came with the tool, and is on no order of the spindle"
+
+
 def test_growth_beyond_chance_is_an_alarm_at_once():
     """What has grown twentyfold is the alarm after two to three intervals."""
     assert 1 <= states(*ONSET)[40:].index("self_excited") <= 2
