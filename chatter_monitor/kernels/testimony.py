@@ -67,7 +67,8 @@ def witness(heard, taken, found, spindle, growth, power, odds, lines):
                 if _is_overtone(other[HERTZ], seen[HERTZ]):
                     overtones += _own_share(other, taken, power)
             line.dominance += overtones
-            if spindle:
+            # an order of the rotation is what a forced line may be on, too, however dense they are
+            if spindle and not (seen[NEAR] > 0.0 or seen[NEAR_TEETH] > 0.0):
                 _add_news(seen[NEWS], line)
                 line.arrival = seen[ARRIVAL] if line.dominance > MOST else 0.0
         line.growth = growth if i == strongest else 0.0

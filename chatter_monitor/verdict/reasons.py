@@ -29,7 +29,7 @@ def chatter(alarm: Followed, growth: float) -> tuple[str, ...]:
     elif line.news > 0.5:
         told.append(f"it stands out {math.exp(line.news):.1f} times as much as in the cuts before")
     elif line.arrival > 0.5:
-        told.append("it came with the tool, and is on no order of the spindle")
+        told.append("it came with the tool")
     told.append(f"it takes {100 * line.share:.0f} % of the power that is not in multiples of a rotation")
     if mode is not None:
         told.append(f"damping {damping(mode)}")

@@ -48,6 +48,13 @@ def test_odds_are_those_of_its_place(place, found, odds):
     assert said["order_odds"] == pytest.approx(odds)
 
 
+def test_nothing_is_new_on_an_order_however_dense_they_are():
+    """Where every third frequency is on an order of the rotation, being on one says nothing against chatter."""
+    (said,) = said_of(np.array([line(500.0, 0.9, 1.0, 0.3, 0.0, 0.1)]), spindle=True)
+    assert said["order_odds"] > 0.0
+    assert (said["long_rise"], said["arrival"]) == (0.0, 0.0)
+
+
 @pytest.mark.parametrize(("spindle", "place", "rise"), [(True, 0.0, 1.5), (False, 0.0, 0.0), (True, 1.0, 0.0)])
 def test_news_count_off_the_orders_of_a_spindle_that_is_heard(spindle, place, rise):
     """What is new in this cut counts as risen by as much, but on an order, or where no spindle is heard."""
