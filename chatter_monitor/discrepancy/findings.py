@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from chatter_monitor.discrepancy.case import Case, Local
 from chatter_monitor.discrepancy.evidence import Regressed
 from chatter_monitor.discrepancy.faults import Clipping
-from chatter_monitor.discrepancy.linear import Omission
+from chatter_monitor.discrepancy.linear import Omission, at_multiple
 from chatter_monitor.discrepancy.name import Scored
 from chatter_monitor.discrepancy.report import Estimate, Finding
 from chatter_monitor.discrepancy.tones import Tone
 
-HARMONIC_WIDTH = 0.1  # about the orders 2 and 3 of the mode
 _MAINS_HZ = (50.0, 60.0)
 SENSES = {
     "cubic_stiffness": ("hardening", "softening"),
@@ -62,11 +61,9 @@ def estimate(value: float, sd: float, unit: str) -> Estimate:
 
 def is_harmonic(case: Case, omission: Omission) -> bool:
     """Whether a second mode is a harmonic that a named force makes of the first."""
-    if omission.name != "second_mode" or not case.named:
+    if not case.named or not at_multiple(omission, case.base.fitted):
         return False
-    order = omission.parameters["frequency_hz"][0] / case.base.fitted.linear.modes[0].frequency_hz
-    near = round(order) in (2, 3) and abs(order - round(order)) < HARMONIC_WIDTH
-    return near and case.named[0].evidence_nats > omission.gain_nats
+    return case.named[0].evidence_nats > omission.gain_nats
 
 
 def of_omission(case: Case, name: str) -> Finding:

@@ -26,6 +26,7 @@ _SPEED_ERROR = 0.04  # of the nominal spindle speed
 _BEYOND_COMB_NATS = 5.0
 _PARTS = 4  # of the recording, in all but one of which a second mode has to be seen
 _LASTING_SHARE = 0.3
+HARMONIC_WIDTH = 0.1  # about the orders 2 and 3 of the mode
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +122,9 @@ def fit_base(recorded: Recorded, given: Linear, known: tuple[float, float] = (0.
             if omission.gain_nats > NEEDED_NATS and _lasting(recorded, fitted, omission):
                 omissions.append(omission)
     omissions.sort(key=lambda each: -each.gain_nats)
+    # A delay was held against wrong delays; a mode at a multiple may be what a force makes of the first.
+    if any(each.name == "regenerative_delay" for each in omissions):
+        omissions = [each for each in omissions if not at_multiple(each, fitted)]
     return Base(as_given, fitted, omissions[:1], quantity, alternatives, spectrum, known)
 
 
@@ -152,6 +156,14 @@ def _without_colour(spectrum: Periodogram, trial: SpectralFit, than: SpectralFit
     """
     white, other = (fit(spectrum, each.linear, colours=0).nll for each in (trial, than))
     return white < other
+
+
+def at_multiple(omission: Omission, base: SpectralFit) -> bool:
+    """Whether an omission is a second mode where a nonlinear force makes harmonics of the first."""
+    if omission.name != "second_mode":
+        return False
+    order = omission.parameters["frequency_hz"][0] / base.linear.modes[0].frequency_hz
+    return round(order) in (2, 3) and abs(order - round(order)) < HARMONIC_WIDTH
 
 
 def _second_mode(spectrum: Periodogram, base: SpectralFit) -> Omission | None:
