@@ -112,10 +112,10 @@ def conclude(case: Case) -> Diagnosis:
         for o in named.omissions
         if not is_harmonic(case, o) and not (o.name == "regenerative_delay" and leaves_cut)
     ]
-    _name_in_part(case, said, base)
+    there = _name_in_part(case, said, base)
     if case.offset_p < SURE:
         said.findings.append(plain("offset_drift", None, {}, 0.0, case.offset_p))
-    left = named.left or examine_rest(case, case.innovations, [case.matrix[i] for i in case.evidence.nuisance])
+    left = named.left or _left(case, there)
     if case.drift is not None and not any(f.name in ("nonstationary_excitation", "impacts") for f in said.findings):
         said.findings.append(plain("parameter_drift", None, {}, 0.5 * case.drift.value, case.drift.p_value))
     # Another machine's tones were taken out before anything was fitted. Its noise is still there, and has a colour.
@@ -152,17 +152,25 @@ def _left_out(case: Case) -> list[str]:
     return words
 
 
-def _name_in_part(case: Case, said: _Said, base: MachiningSystem) -> None:
-    """Say what acts in a part of the recording only."""
+def _name_in_part(case: Case, said: _Said, base: MachiningSystem) -> Augmented | None:
+    """Say what acts in a part of the recording only; its model, if that was fitted through the filter all along."""
     if case.local is None:
-        return
+        return None
     if len(case.local.as_likely) > 1:
         names = " and ".join(IN_WORDS[each.name] for each in case.local.as_likely)
         said.strange.append(f"{_TIED} {case.local.where} only: {names} explain it about equally")
-        return
+        return None
     finding, augmented = acts_there(case, case.local, said.augmented, base)
     said.findings.append(finding)
     said.augmented, said.partly = augmented or said.augmented, augmented is not None
+    return augmented if case.local.threshold is not None else None
+
+
+def _left(case: Case, fitted: Augmented | None) -> Unnamed:
+    """What is left beside a model that has the force above an amplitude; beside the base if there is none."""
+    if fitted is not None:
+        return examine_rest(case, fitted.innovations, fitted.columns)
+    return examine_rest(case, case.innovations, [case.matrix[i] for i in case.evidence.nuisance])
 
 
 def _reported(case: Case, said: _Said) -> Report:

@@ -258,6 +258,16 @@ def test_friction_above_an_amplitude_is_as_large_as_it_is():
     assert found.report.located.amplitude[0] == pytest.approx(1.2, rel=0.03)
 
 
+def test_strong_friction_above_an_amplitude_is_one_force():
+    """Several laws that act all along explain as much by the regression, and less through the filter."""
+    machine = Machine("coulomb", 0.1, above=0.8, damping_ratio=0.01, quantity="acceleration", frequency_hz=220.0)
+    report = diagnosed(machine, 115).report
+    assert [term.name for term in report.terms] == ["coulomb_friction"], report.summary
+    assert report.located.amplitude[0] == pytest.approx(0.8, rel=0.05)
+    low, high = report.terms[0].parameters["coefficient"].ci95
+    assert low < coefficient(machine) < high
+
+
 @pytest.mark.xfail(
     strict=True, reason="of a displacement, three times the machine's own damping: a tenth too small (decision 40)"
 )

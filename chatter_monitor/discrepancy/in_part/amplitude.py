@@ -41,7 +41,7 @@ def find_above(case: Case) -> Local | None:
     amplitudes, gains = _searched(case, tried, case.training)
     above = float(amplitudes[1:][int(np.argmax(gains[:, 1:].max(axis=0)))])
     entries = case.contest.entries
-    found = told(case, entries, _confined(case, entries, np.array([above])), [], 1)
+    found = told(case, entries, _confined(case, entries, np.array([above])), [], 1, of_several=1.0 - LEFT_SHARE)
     if found is None:
         return None
     entry = next(entry for entry in entries if entry[0] == found.candidate)

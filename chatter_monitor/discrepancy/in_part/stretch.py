@@ -80,6 +80,7 @@ def told(
     retuning: Sequence[int],
     ends: int,
     between_s: tuple[float, float] | None = None,
+    of_several: float = 1.0,
 ) -> Local | None:
     """What explains a part of the recording best, on all blocks; None if the held-out blocks do not confirm it.
 
@@ -95,6 +96,8 @@ def told(
         How many numbers say where.
     between_s : (float, float), optional
         The stretch, if it is one.
+    of_several : float
+        Share of what several names that act all along explain together, that one name here has to explain.
     """
     nuisance, numbers = case.matrix[case.evidence.nuisance], list(confined)
     k = len(nuisance)
@@ -115,7 +118,7 @@ def told(
     else:
         names[RETUNED] = changed
     order = sorted(names, key=lambda name: -names[name])
-    if not order or names[order[0]] - PRICE_NATS * ends < _all_along(case) + LESS_NATS:
+    if not order or names[order[0]] - PRICE_NATS * ends < _all_along(case, of_several) + LESS_NATS:
         return None
     units: tuple[int, ...] = ()
     leading = beside
@@ -153,14 +156,14 @@ def _confirmed(held_out_nats: float, p_value: float) -> bool:
     return held_out_nats >= LEAST_HELD_OUT_NATS and p_value <= HELD_OUT_P
 
 
-def _all_along(case: Case) -> float:
-    """What names explain if they act all along, however many it takes, or a machine that drifts; 0 for none."""
+def _all_along(case: Case, of_several: float) -> float:
+    """What a name explains that acts all along, a share of what several do, or a machine that drifts; 0 for none."""
     evidence = case.evidence
     everything = evidence.everything
     alone = max((entry[0] for entry in case.contest.best([], everything).values()), default=0.0)
     columns = [column for scored in case.named for column in scored.columns]
     shapes = sum(scored.candidate.shapes for scored in case.named)
-    together = evidence.regress(columns).gain - PRICE_NATS * (len(columns) + shapes)
+    together = of_several * (evidence.regress(columns).gain - PRICE_NATS * (len(columns) + shapes))
     waves = case.columns["time"]
     springs, dampers = waves[: len(waves) // 2], waves[len(waves) // 2 :]
     drifting = [
