@@ -67,7 +67,7 @@ def gather(case: Case) -> None:
     case.evidence = Evidence(inn.white, matrix, weight, groups["nuisance"], block)
     case.columns |= groups
     case.swing = modulation(inn, weight, matrix[0])
-    case.contest, case.matrix = Contest(case.evidence, entries, seen), matrix
+    case.contest, case.matrix = Contest(case.evidence, entries, seen, together=True), matrix
 
 
 def known_units(system: MachiningSystem) -> list[tuple[int, str, tuple[Term, tuple[float, ...]]]]:

@@ -66,12 +66,18 @@ class Contest:
         Candidates and the columns of their coefficients.
     seen : collection of str
         Names of a force that was found already, with a parameter more: all blocks together may confirm those.
+    together : bool
+        All blocks together may confirm any name that comes first.
     """
 
     def __init__(
-        self, evidence: Evidence, entries: Sequence[tuple[Candidate, list[int]]], seen: Collection[str] = ()
+        self,
+        evidence: Evidence,
+        entries: Sequence[tuple[Candidate, list[int]]],
+        seen: Collection[str] = (),
+        together: bool = False,
     ) -> None:
-        self.evidence, self.entries, self.seen = evidence, list(entries), seen
+        self.evidence, self.entries, self.seen, self.together = evidence, list(entries), seen, together
         self.training = np.arange(evidence.blocks) % 2 == 0
 
     def best(self, given: Sequence[int], blocks: NDArray[np.bool_]) -> dict[str, Entry]:
@@ -125,6 +131,8 @@ class Contest:
             confirmed = leader.p_value <= HELD_OUT_P and leader.held_out_nats >= LEAST_HELD_OUT_NATS
             if scored[0].candidate.name in self.seen:
                 confirmed |= scored[0].evidence_nats > SURE_NATS
+            if self.together and not named:  # half of the recording may lead to a wrong name, and not confirm that
+                confirmed |= scored[0].evidence_nats > SURE_NATS and scored[0].held_out_nats >= LEAST_HELD_OUT_NATS
             if scored[0].evidence_nats <= 0 or not confirmed:
                 break
             named.append(scored[0])
