@@ -117,13 +117,30 @@ def loud_tones(recorded: Recorded, given: Linear) -> list[Tone]:
 def _loudest(recorded: Recorded, given: Linear) -> Tone | None:
     """What stands out most of a recording: a tone of one frequency if that takes all of it, else one that wanders."""
     steady = next(iter(tones_of(recorded.samples, recorded.rate_hz, most=1)), None)
-    if steady is not None:
-        left = _crests(_less(recorded, [steady]))
-        if all(abs(frequency_hz - steady.frequency_hz) > 2.0 / SEGMENT_S for frequency_hz, _ in left):
-            return steady
+    if steady is not None and _takes_all(recorded, steady):
+        return steady
     loudest = sorted(_crests(recorded), key=lambda crest: -crest[1])[:FOLLOWED]
     followed = (_wandering(recorded, frequency_hz, given) for frequency_hz, _ in loudest)
-    return next((tone for tone in followed if tone is not None), steady)
+    tone = next((tone for tone in followed if tone is not None), None)
+    if tone is None:
+        return steady
+    # Where the machine is louder than the tone, the latter has not been tried as one of one frequency.
+    even = _even(recorded, tone)
+    return even if _takes_all(recorded, even) else tone
+
+
+def _takes_all(recorded: Recorded, tone: Tone) -> bool:
+    """Whether nothing stands out any more where a tone was taken out."""
+    left = _crests(_less(recorded, [tone]))
+    return all(abs(frequency_hz - tone.frequency_hz) > 2.0 / SEGMENT_S for frequency_hz, _ in left)
+
+
+def _even(recorded: Recorded, tone: Tone) -> Tone:
+    """A tone of one frequency in place of one whose phase was followed: that of the straight line through the phase."""
+    if tone.phase is None:
+        raise ValueError("the tone has not been followed")
+    slope = float(np.polynomial.Polynomial.fit(np.arange(tone.phase.size), tone.phase, 1).convert().coef[1])
+    return replace(tone, frequency_hz=slope * recorded.rate_hz / (2.0 * np.pi), phase=None)
 
 
 def _crests(recorded: Recorded) -> list[tuple[float, float]]:

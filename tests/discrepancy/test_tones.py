@@ -85,3 +85,15 @@ def test_an_order_that_wanders_is_no_hum_of_the_mains():
     system = MachiningSystem((Mode(260.0, 0.02),), spindle=SYSTEM.spindle)
     report = conclude(examine(recorded_from(loud, 12800.0), system)).report
     assert [term.name for term in report.terms] == ["periodic_forcing"], report.summary
+
+
+def test_hum_that_is_fainter_than_the_machine_does_not_wander():
+    """What the loudest ordinate of a spectrum belongs to is then the machine, and the hum has to be told elsewhere."""
+    machine = Machine(frequency_hz=580.0, damping_ratio=0.016)
+    system = MachiningSystem((Mode(580.0, 0.016),))
+    samples = record(machine, 150)
+    hum = 0.1 * np.std(samples) * np.sin(2.0 * np.pi * 50.0 / 12800.0 * np.arange(samples.size))
+    _, recorded = in_band(recorded_from(samples + hum, 12800.0), system)
+    (found,) = loud_tones(recorded, Linear.of(system))
+    assert found.phase is None
+    assert found.frequency_hz == pytest.approx(50.0, abs=0.002)
