@@ -33,6 +33,8 @@ HEARD_SHARE = 0.02
 # What has come back into the signal matters when it is this share of the power: of what is less nothing comes that
 # takes the power. A comb that is lost because something else grew loud beside it is next to nothing of that.
 RETURNED_SHARE = 0.1
+# What is left gets fainter when a comb is taken out that was not before, as long as that has so much of the power.
+MOST = 0.5
 # Relative standard deviation of a nominal speed: real ones are 1 to 3 % off.
 NOMINAL_SD = 0.015
 # A speed that was heard stays known when it is heard no more, because the spindle goes on turning; its relative
@@ -103,7 +105,8 @@ class Orders(NamedTuple):
     repeating_share : float
         Share of the power that repeats what was 50 to 100 ms before, combs taken out or not (`kernels.repeats`).
     fainter : bool
-        Whether most of the signal goes on repeating, and has just got fainter.
+        Whether what is left has just got fainter, and the tool has not left: most of the signal goes on repeating,
+        or is in a comb that has been taken out for no longer than its memory.
     growth : float
         By how much a comb that is out of step with the rotation has grown (natural logarithm of the amplitude), 0 if
         there is none (`kernels.rotations`).
@@ -170,6 +173,7 @@ class OrderTracker:
         self._undigested = False  # whether the signals are those of a whole frame that has ended
         self._next_sample = 0
         self._taken = (0, 0.0)  # combs taken out of the last frame, and their power
+        self._taken_s = math.inf  # since another comb has been taken out
         self._heard: tuple[float, float, int] | None = None  # speed and its deviation (Hz), and the sample then
 
     def set_spindle(self, spindle: SpindleSettings) -> None:
@@ -255,6 +259,7 @@ class OrderTracker:
         share, power = share_taken(self._signals[0, : self._filled], self._signals[-1, : self._filled])
         combs_before, taken_before = self._taken
         self._taken = sum(follower.harmonics is not None for follower in self._followers), share * power
+        self._taken_s = 0.0 if self._taken[0] > combs_before else self._taken_s + INTERVAL_S
         returned = self._taken[0] < combs_before and taken_before - share * power >= RETURNED_SHARE * power
         combs = [(follower.harmonics, _lines(follower.harmonics)) for follower in self._followers]
         rpm = self._spindle.speed_rpm
@@ -270,17 +275,12 @@ class OrderTracker:
                 self._heard = (spindle.rotation_hz, spindle.rotation_sd_hz, first_sample)
         else:
             hertz, sd_hz, source = self._from_memory(first_sample)
+        repeating, fainter, growth = self._repeating
+        fainter |= self._taken_s < self._settings.memory_s and share > MOST
         return Orders(
-            first_sample,
-            hertz,
-            sd_hz,
-            source,
-            share,
-            lines,
-            other_hz,
-            other_lines,
-            returned,
-            *self._repeating,
+            *(first_sample, hertz, sd_hz, source, share),
+            *(lines, other_hz, other_lines, returned),
+            *(repeating, fainter, growth),
         )
 
     def _from_memory(self, sample: int) -> tuple[float | None, float | None, Source | None]:

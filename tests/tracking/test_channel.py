@@ -47,6 +47,21 @@ def contents(seen):
     return [*frame, repr(seen.orders), repr(seen.lines.tolist()), repr(seen.margin)]
 
 
+@pytest.mark.parametrize("spindle", [SpindleSettings(speed_rpm=5580.0, teeth=2), SpindleSettings()])
+@pytest.mark.parametrize("leaves_s", [None, 2.9, 4.1])
+def test_a_comb_that_is_taken_out_is_no_tool_that_leaves(spindle, leaves_s):
+    """Teeth that are heard in all of the spectrum leave next to nothing from when they are known; air is quiet, too."""
+    signal = 0.01 * np.random.default_rng(3).standard_normal(round(8 * RATE_HZ))
+    begin, end = (round(time_s * RATE_HZ) for time_s in (1.0, leaves_s or 8.0))
+    angle = 2 * np.pi * 93.0 * np.arange(end - begin) / RATE_HZ
+    comb = sum(0.5 / k * np.cos(k * angle + k * k) for k in range(1, 68))
+    signal[begin:end] += comb + 0.005 * vibration(end - begin, [(990, 0.02)], seed=8)
+    seen = observe((0, signal), spindle=spindle)
+    assert all(one.cutting for one in seen[40 : round((leaves_s or 7.9) / 0.05)])
+    assert seen[-1].orders.heard is (leaves_s is None)
+    assert leaves_s is None or not any(one.cutting for one in seen[-20:])
+
+
 @settings(max_examples=10, derandomize=True, deadline=None)
 @given(st.lists(st.integers(0, 5000), max_size=12))
 def test_any_blocks_give_the_same_observations(cuts):
