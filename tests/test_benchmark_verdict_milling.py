@@ -46,3 +46,11 @@ def test_chatter_leaves_the_orders(seed):
     assert off_orders(deep, mill.rotation_hz) > 0.4
     assert deep.std() > 3.0 * stable.std() > 9.0 * samples[: int(0.9 * RATE_HZ)].std()
     assert np.array_equal(samples, milling.simulate(mill))
+
+
+@pytest.mark.parametrize(("under", "cut"), [(0.5, ["stable", "chatters", "calms"]), (1.5, 3 * ["chatters"])])
+def test_what_is_deep_from_the_first_contact_on_chatters_all_along(under, cut):
+    """It is scored so, and no stable or calming stretch is made of it."""
+    mill = replace(milling.draw(2), chatters=True, under=under)
+    samples = np.zeros(round(milling.ENDS * RATE_HZ))
+    assert [passage.doing for passage in milling.passages(mill, samples)] == ["idle", *cut, "idle"]

@@ -83,7 +83,7 @@ def diagnose(
             input_channel=input_channel,
             progress=progress,
         )
-    print_report(as_json, report.to_json(), lines(report), written)
+    print_report(as_json, report.to_json, lines(report), written)
 
 
 @click.command()

@@ -76,4 +76,4 @@ def identify(
         between_s=between_s,
         band_hz=band_hz,
     )
-    print_report(as_json, result.to_json(), lines(result), written)
+    print_report(as_json, result.to_json, lines(result), written)

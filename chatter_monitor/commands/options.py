@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import click
@@ -29,10 +29,10 @@ def print_json(value: object) -> None:
     click.echo(msgspec.json.encode(value))
 
 
-def print_report(as_json: bool, json: bytes, lines: Iterable[str], written: Iterable[Path]) -> None:
+def print_report(as_json: bool, to_json: Callable[[], bytes], lines: Iterable[str], written: Iterable[Path]) -> None:
     """Print a report as JSON, or its lines and which files have been written."""
     if as_json:
-        click.echo(json)
+        click.echo(to_json())
         return
     for line in lines:
         click.echo(line)

@@ -8,7 +8,7 @@ in the cut, too; but what begins at once where all was fainter than the cut befo
 begins where nothing but noise was heard, no line and nothing that turns, if it lifts the noise at once as well: a
 vibration that grows by itself comes before the noise that it makes. So is what is there at once, noise or not, where
 lines were faint and nothing repeated: growth takes time, and where teeth are heard the tool is in the cut. What falls
-while most of what is heard goes on, fainter, is a cut that gets lighter.
+while most of what is heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on.
 """
 
 import math
@@ -64,7 +64,7 @@ def engaged(levels, powers, crests, repeating, fainter, leapt, head, air, scratc
     repeating : ndarray, shape (frames,)
         Ring: share of the power that repeats (`kernels.repeats`).
     fainter : bool
-        Whether most of what is heard goes on, fainter.
+        Whether it has got fainter though most of what is heard goes on, or is taken out of it from now on.
     leapt : bool
         Whether the whole became louder at once (`has_leapt`).
     head : int

@@ -26,8 +26,8 @@ AS_BEFORE = 0.7
 # Indices into what is told of a line, in the order of `tracking.spectrum.Line`: the bin that it is at, interpolated;
 # share of the power; how far it stands out; coefficient of variation of its modulus over half of the ring; growth of
 # its logarithm in a hop; rise within the time of the ring, and within that of the reliefs, and the latter whatever the
-# surroundings did; coherence; how much more it stands out than in cuts before and the air between, and
-# than in all that was heard before the tool entered.
+# surroundings did; coherence; how much more it stands out than in cuts before and the air between, and than in all
+# that was heard before the tool entered.
 BIN, SHARE, PROMINENCE, VARIATION, GROWTH, RISE, LONG_RISE, ABSOLUTE_RISE, COHERENCE, NEWS, ARRIVAL = range(11)
 MEASURES = 11
 
@@ -151,7 +151,7 @@ def finding(
     callable
         Of the frame's samples, contiguous float64, shape (n,), NaN where they are missing; of whether the signal is
         alike to what it was, whether something that turns has been taken out of it, which share of the power repeats,
-        and whether most of what is heard goes on, fainter. Returns how many lines there are.
+        and whether it has got fainter though the tool has not left. Returns how many lines there are.
     """
     machine_code = bound(_find, state.window, False, False, 0.0, False, hop, lowest, state, peaks, measures)
     return lambda signal, alike, turns, repeating, fainter: machine_code(

@@ -142,7 +142,7 @@ class Spectrum:
         repeating : float
             Share of the power, with what turns, that repeats.
         fainter : bool
-            Whether most of what is heard goes on, fainter: the cut has got lighter, and the tool has not left.
+            Whether it has got fainter and the tool has not left: the cut is lighter, or a comb is taken out of it now.
         """
         count = self._find(np.ascontiguousarray(signal, np.float64), alike, turns, repeating, fainter)
         lines: NDArray[np.float64] = self._measures[:count] * self._units

@@ -19,11 +19,15 @@ ROTATION_HZ = 27.3
 SYSTEM = MachiningSystem((Mode(300.0, 0.02),), spindle=Spindle(60.0 * ROTATION_HZ, 4))
 
 
+def turned(samples: int, wander: float, seed: int) -> NDArray[np.float64]:
+    """Angle of a spindle whose speed wanders."""
+    slow = gaussian_filter1d(np.random.default_rng(seed).standard_normal(samples), 6400)
+    return np.asarray(2.0 * np.pi * ROTATION_HZ / 12800.0 * np.cumsum(1.0 + wander * slow / np.std(slow)))
+
+
 def comb(samples: int, wander: float, seed: int) -> NDArray[np.float64]:
     """Orders 1, 4, 8 and 12 of a spindle whose speed wanders, of unit rms."""
-    rng = np.random.default_rng(seed)
-    slow = gaussian_filter1d(rng.standard_normal(samples), 6400)
-    turn = 2.0 * np.pi * ROTATION_HZ / 12800.0 * np.cumsum(1.0 + wander * slow / np.std(slow))
+    turn = turned(samples, wander, seed)
     made = sum(size * np.cos(order * turn + order) for order, size in ((1, 0.3), (4, 1.0), (8, 0.7), (12, 0.3)))
     return np.asarray(made / np.std(made))
 
@@ -78,10 +82,7 @@ def test_an_order_that_wanders_is_no_hum_of_the_mains():
     """The eleventh order at 300.3 Hz, whose speed wanders, is not taken for the sixth of 50 Hz."""
     machine = Machine(frequency_hz=260.0, seconds=10.0)
     quiet = record(machine, 151)
-    rng = np.random.default_rng(151)
-    slow = gaussian_filter1d(rng.standard_normal(quiet.size), 6400)
-    turn = 2.0 * np.pi * ROTATION_HZ / 12800.0 * np.cumsum(1.0 + 1e-3 * slow / np.std(slow))
-    loud = quiet + 5.0 * np.std(quiet) * np.cos(11.0 * turn)
+    loud = quiet + 5.0 * np.std(quiet) * np.cos(11.0 * turned(quiet.size, 1e-3, 151))
     system = MachiningSystem((Mode(260.0, 0.02),), spindle=SYSTEM.spindle)
     report = conclude(examine(recorded_from(loud, 12800.0), system)).report
     assert [term.name for term in report.terms] == ["periodic_forcing"], report.summary

@@ -174,22 +174,20 @@ def test_a_warning_tells_what_is_not_certain():
         assert view.reasons[0].endswith(why)
 
 
-def test_an_alarm_from_the_entry_tells_what_is_new():
-    """Of a line that has not risen since the tool entered, how much more it stands out than in cuts before is told."""
+@pytest.mark.parametrize(
+    ("measure", "kinds", "why"),
+    [
+        ("news", Kinds(0.0, 0.9, 0.1, 0.0), "it stands out 5.0 times as much as in the cuts before"),
+        ("arrival", Kinds(0.0, 0.1, 0.9, 0.0), "it came with the tool"),
+    ],
+)
+def test_an_alarm_from_the_entry_tells_what_is_new(measure, kinds, why):
+    """Of a line that has not risen since the tool entered: how new it is, or, without a cut before, when it came."""
     entered = steady()
-    entered = entered._replace(line=entered.line._replace(news=math.log(5.0)))
-    alarm = Followed(HZ, Kinds(0.0, 0.9, 0.1, 0.0), unexplained=0.9, alarm_for=3, heard=entered)
+    entered = entered._replace(line=entered.line._replace(**{measure: math.log(5.0)}))
+    alarm = Followed(HZ, kinds, unexplained=0.9, alarm_for=3, heard=entered)
     view = opinion(evidence(entered), remembered(alarm), JudgeSettings())
-    assert view.reasons[1] == "it stands out 5.0 times as much as in the cuts before"
-
-
-def test_an_alarm_from_the_first_contact_tells_why():
-    """Where there was no cut before, that it came with the tool."""
-    entered = steady()
-    entered = entered._replace(line=entered.line._replace(arrival=math.log(5.0)))
-    alarm = Followed(HZ, Kinds(0.0, 0.1, 0.9, 0.0), unexplained=0.9, alarm_for=3, heard=entered)
-    view = opinion(evidence(entered), remembered(alarm), JudgeSettings())
-    assert view.reasons[1] == "it came with the tool"
+    assert view.reasons[1] == why
 
 
 def test_growth_beyond_chance_is_an_alarm_at_once():
