@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -258,6 +259,7 @@ class NaiveVibration:
         if self.chattered and fallen and line["absolute_rise"] < 0.0:
             return np.full(3, -CONVINCING)
         growth, calm = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
+        calm = CONVINCING if line["carrier"] else calm
         risen = max(min(line["long_rise"], line["absolute_rise"]), line["arrival"])
         seen = np.array([growth, calm, max(calm - 8.0 * max(risen - 0.8, 0.0), -CONVINCING)])
         least = np.exp(-vibrations.COHERENT_DAMPING * 2.0 * np.pi * line["frequency_hz"] * 0.025)
@@ -331,6 +333,39 @@ def crests(power: NDArray[np.float64], line_to_noise: float, lowest: int) -> NDA
     found = (inner > power[:-2]) & (inner >= power[2:]) & (inner > line_to_noise * noise[1:-1])
     peaks = np.flatnonzero(found) + 1
     return peaks[peaks >= lowest]
+
+
+def crests_beside(power: NDArray[np.float64], line_to_noise: float, lowest: int, least: float) -> list[int]:
+    """Local maxima of so much power and a multiple of the noise: upper median of 16 bins on either side over ln 2."""
+
+    def noise(b: int) -> float:
+        beside = np.sort(power[max(b - 16, 0) : b + 17])
+        return float(beside[len(beside) // 2]) / math.log(2.0)
+
+    return [
+        b
+        for b in range(max(lowest, 1), len(power) - 1)
+        if power[b - 1] < power[b] >= power[b + 1] and power[b] >= max(least, line_to_noise * noise(b))
+    ]
+
+
+def explained(
+    hertz: NDArray[np.float64], off: NDArray[np.float64], *places: tuple[NDArray[np.float64], float]
+) -> float:
+    """Log odds against chance that lines are at sets of places, each with the mean distance from one to the next.
+
+    One line made the places and is there for certain: the rarest. Which lines are there is a choice, and at which set.
+    """
+    surprises: list[float] = []
+    hits = [0] * len(places)
+    for line, exact in zip(hertz, off, strict=True):
+        there = [number for number, (at, _) in enumerate(places) if np.min(np.abs(line - at)) <= exact]
+        if there:
+            hits[there[0]] += 1
+            surprises.append(max(0.0, math.log(places[there[0]][1] / (2.0 * exact))))
+    total, lines = sum(hits), len(hertz) - 1
+    choices = math.comb(lines, min(max(total - 1, 0), lines)) * math.comb(total, hits[0])
+    return sum(surprises) - max(surprises, default=0.0) - math.log(choices)
 
 
 def family(

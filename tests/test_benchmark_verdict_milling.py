@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.verdict import milling
 from benchmarks.verdict.cut import RATE_HZ
+from benchmarks.verdict.monitor import watch
 
 SEEDS = (2, 3, 4)
 
@@ -54,3 +55,18 @@ def test_what_is_deep_from_the_first_contact_on_chatters_all_along(under, cut):
     mill = replace(milling.draw(2), chatters=True, under=under)
     samples = np.zeros(round(milling.ENDS * RATE_HZ))
     assert [passage.doing for passage in milling.passages(mill, samples)] == ["idle", *cut, "idle"]
+
+
+def test_chatter_from_the_first_contact_is_told_without_a_speed():
+    """By its sidebands, two seconds after the first contact, to the end: no comb that is found in them hides it."""
+    mill = milling.draw(519)
+    mill = replace(mill, under=mill.over)
+    states = [
+        state
+        for remarks in watch(milling.passages(mill, milling.simulate(mill)), announce=False)
+        for state in remarks.states
+    ]
+    contact, end = (round(at_s / 0.05) for at_s in (milling.ENTERS, milling.LEAVES))
+    assert states.index("self_excited", contact) < contact + 45
+    assert states[contact + 45 : end].count("self_excited") > 0.98 * (end - contact - 45)
+    assert "self_excited" not in states[:contact] + states[end + 6 :]

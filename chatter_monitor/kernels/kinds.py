@@ -38,8 +38,9 @@ COHERENCE_LAG_S = 0.025
 
 # A line of the short-time spectrum (`tracking.spectrum.Line`), with the damping ratio of the tracker's mode at it, or
 # its own where there is none, its log odds for self-excitation by its place among the orders, the share of the power
-# that its vibration takes, by how much it has grown from rotation to rotation (natural logarithm), that power, and by
-# how much it stands out more than before the tool entered, where nothing that turns explains that.
+# that its vibration takes, by how much it has grown from rotation to rotation (natural logarithm), that power, by how
+# much it stands out more than before the tool entered, where nothing that turns explains that, and whether it has
+# sidebands of which it is no multiple.
 LINE = np.dtype(
     [
         ("frequency_hz", float),
@@ -57,6 +58,7 @@ LINE = np.dtype(
         ("growth", float),
         ("power", float),
         ("arrival", float),
+        ("carrier", np.bool_),
     ]
 )
 
@@ -178,7 +180,8 @@ def likeness(line, weights):
     for i in range(MEASURES):
         growth += weights[0, i] * x[i]
         calm += weights[1, i] * x[i]
-    calm = _bounded(calm + weights[1, MEASURES])
+    # what has sidebands is coherent over the seconds in which they were told apart; they make it unsteady
+    calm = CONVINCING if line.carrier else _bounded(calm + weights[1, MEASURES])
     risen = max(min(line.long_rise, line.absolute_rise), line.arrival)
     growth = _bounded(growth + weights[0, MEASURES])
     return Likeness(growth, calm, _bounded(calm - UNLIKELY * max(risen - LOUDER, 0.0)))

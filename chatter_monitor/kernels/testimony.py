@@ -18,18 +18,22 @@ from chatter_monitor.kernels.lines import (
     VARIATION,
 )
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.vibrations import LINE_WIDTH_HZ
+from chatter_monitor.kernels.vibrations import DIED_DOWN, LINE_WIDTH_HZ
 
 # Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
 FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
+# Log odds of what is on no order for certain.
+OFF_ORDERS = -math.log(FORCED_OFF_ORDERS)
 # What came with the tool tells of chatter where it takes most of the power: each mode that noise drives comes with it.
 MOST = 0.5
+# A line is the one with sidebands when it is so near: a bin of the short-time spectrum.
+CARRIER_HZ = 12.0
 # Multiples that count as overtones, and how near to one a line has to be.
 OVERTONES, OVERTONE_HZ = 5, 8.0
 
 
 @njit(**OPTIONS)
-def witness(heard, taken, found, spindle, growth, power, odds, lines):
+def witness(heard, taken, found, spindle, carrier_hz, growth, power, odds, lines):
     """Tell of each line what the following of vibrations takes.
 
     Parameters
@@ -42,6 +46,8 @@ def witness(heard, taken, found, spindle, growth, power, odds, lines):
         Whether what turns has been found in the signal alone: it may be another machine's.
     spindle : bool
         Whether a spindle of known speed is heard.
+    carrier_hz : float
+        Frequency of a line with sidebands, NaN without one: it is on no order, whatever the speed is.
     growth : float
         By how much what repeats has grown from rotation to rotation (natural logarithm): many lines, too near to each
         other to be told. It counts as the strongest.
@@ -59,7 +65,8 @@ def witness(heard, taken, found, spindle, growth, power, odds, lines):
         _copy(seen, line)
         line.power = power
         line.arrival = 0.0
-        line.order_odds = _order_odds(seen, found, odds)
+        line.carrier = abs(seen[HERTZ] - carrier_hz) < CARRIER_HZ and seen[ABSOLUTE_RISE] > DIED_DOWN
+        line.order_odds = OFF_ORDERS if line.carrier else _order_odds(seen, found, odds)
         line.dominance = _own_share(seen, taken, power)
         if line.order_odds > 0.0:  # teeth have overtones, too
             overtones = 0.0
@@ -68,9 +75,9 @@ def witness(heard, taken, found, spindle, growth, power, odds, lines):
                     overtones += _own_share(other, taken, power)
             line.dominance += overtones
             # an order of the rotation is what a forced line may be on, too, however dense they are
-            if spindle and not (seen[NEAR] > 0.0 or seen[NEAR_TEETH] > 0.0):
+            if line.carrier or (spindle and not (seen[NEAR] > 0.0 or seen[NEAR_TEETH] > 0.0)):
                 _add_news(seen[NEWS], line)
-                line.arrival = seen[ARRIVAL] if line.dominance > MOST else 0.0
+                line.arrival = seen[ARRIVAL] if line.carrier or line.dominance > MOST else 0.0
         line.growth = growth if i == strongest else 0.0
         if line.growth > 0.0:
             # out of step is off the orders, whatever the speed; and all power is its but what there was before

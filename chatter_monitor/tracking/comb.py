@@ -18,6 +18,7 @@ from scipy import fft
 from scipy.special import gammaln
 
 from chatter_monitor.kernels import comb as kernel
+from chatter_monitor.kernels.sidebands import crests_beside
 
 # Power of a line over the noise around it; noise alone reaches it about once in twenty spectra.
 LINE_TO_NOISE = 17.0
@@ -25,6 +26,8 @@ STRONGEST = 12
 # Lines below this share of the strongest one's power (-26 dB) are left alone: there are products of stronger lines, and
 # little to take out.
 FAINTEST = 1.0 / 400.0
+# Sidebands of a line are many, and as faint as this beside it (-40 dB).
+MANY, FAINT = 24, 1e-4
 # Lines are this exact: of the spectrum's resolution, and of the frequency, for a speed that is not quite constant.
 EXACT_BINS = 0.7
 EXACT_SHARE = 3e-4
@@ -40,7 +43,7 @@ ENOUGH_TOLD = math.log(20.0)
 # 7 % of the frequencies times its number, and what is there by chance, chatter too, may be taken for it.
 FIRST_MULTIPLES = 4
 # Logarithms of the factorials of numbers up to that of the lines.
-_LOG_FACTORIAL = gammaln(np.arange(STRONGEST + 1) + 1)
+LOG_FACTORIAL = gammaln(np.arange(max(STRONGEST, MANY) + 1) + 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,31 +158,45 @@ class Spectrum:
         self._window = _window(samples)
         self._size = 1 << (samples - 1).bit_length()
         self._bin_hz = sample_rate_hz / self._size
-        self._lowest_hz = lowest_hz
         self._exact_hz = EXACT_BINS * sample_rate_hz / samples
         self._windowed = np.zeros(self._size)  # and as many zeros as make a fast transform
         self._power = np.empty(self._size // 2)
         self._scratch = np.empty(kernel.FLOOR_BINS // 2)
         self._peaks = np.empty(self._size // 2, np.int64)
-        self._kept = np.empty(STRONGEST, np.int64)
+        self._lowest = math.ceil(lowest_hz / self._bin_hz)
 
     def lines(self, *pieces: NDArray[np.float64]) -> Lines:
         """The strongest lines of a stretch, in one piece or several, that stand out of the noise around them."""
-        power, begin = self._power, 0
+        power = self._transform(pieces)
+        peaks = self._peaks[: kernel.crests(power, LINE_TO_NOISE, self._lowest, self._scratch, self._peaks)]
+        return self._apart(peaks[power[peaks] >= FAINTEST * power[peaks].max(initial=0.0)], STRONGEST)
+
+    def faint_lines(self, *pieces: NDArray[np.float64]) -> Lines:
+        """More lines, and fainter ones, that stand out of the noise next to them: beside stronger ones, too."""
+        power = self._transform(pieces)
+        least = FAINT * power[self._lowest :].max()
+        return self._apart(self._peaks[: crests_beside(power, LINE_TO_NOISE, self._lowest, least, self._peaks)], MANY)
+
+    def _transform(self, pieces: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
+        """Power of a stretch in each bin."""
+        begin = 0
         for samples in pieces:
             part = slice(begin, begin + len(samples))
             np.multiply(samples, self._window[part], out=self._windowed[part])
             begin = part.stop
-        kernel.power_of(fft.rfft(self._windowed), power)
-        lowest = math.ceil(self._lowest_hz / self._bin_hz)
-        peaks = self._peaks[: kernel.crests(power, LINE_TO_NOISE, lowest, self._scratch, self._peaks)]
-        peaks = peaks[power[peaks] >= FAINTEST * power[peaks].max(initial=0.0)]
-        strongest = peaks[np.argsort(-power[peaks], kind="stable")][: 4 * STRONGEST]
+        kernel.power_of(fft.rfft(self._windowed), self._power)
+        return self._power
+
+    def _apart(self, peaks: NDArray[np.int64], most: int) -> Lines:
+        """So many lines at most, from crests of the spectrum."""
+        power = self._power
+        strongest = peaks[np.argsort(-power[peaks], kind="stable")][: 4 * most]
         left, middle, right = (np.log(power[strongest + shift]) for shift in (-1, 0, 1))
         frequency = (strongest + 0.5 * (left - right) / (left - 2.0 * middle + right)) * self._bin_hz
         tolerance = self._exact_hz + EXACT_SHARE * frequency
         # a line whose frequency moves has several crests
-        kept = self._kept[: kernel.apart(frequency, 3.0 * tolerance, self._kept)]
+        kept = np.empty(most, np.int64)
+        kept = kept[: kernel.apart(frequency, 3.0 * tolerance, kept)]
         return Lines(frequency[kept], tolerance[kept])
 
 
@@ -230,7 +247,7 @@ def _best_family(lines: Lines) -> tuple[float, NDArray[np.bool_]]:
 def _choices(n: int, k: NDArray[np.int64]) -> NDArray[np.float64]:
     """Log of the number of ways to choose k of n."""
     k = np.minimum(np.maximum(k, 0), n)
-    result: NDArray[np.float64] = _LOG_FACTORIAL[n] - _LOG_FACTORIAL[k] - _LOG_FACTORIAL[n - k]
+    result: NDArray[np.float64] = LOG_FACTORIAL[n] - LOG_FACTORIAL[k] - LOG_FACTORIAL[n - k]
     return result
 
 

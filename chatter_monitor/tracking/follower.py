@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from chatter_monitor.kernels.conditioning import copy_present
 from chatter_monitor.tracking.comb import Comb, Lines, Spectrum, Target, find_comb
 from chatter_monitor.tracking.harmonics import Harmonics
+from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands
 from chatter_monitor.tracking.turns import TURNS, Piecemeal, in_turn
 
 # Doubt about a speed that was averaged over the search window: it wanders.
@@ -51,6 +52,7 @@ class CombFollower:
         turn: int = 0,
     ) -> None:
         self.harmonics: Harmonics | None = None
+        self.frames = 0  # that have been heard
         self._target = target
         self._rate_hz = sample_rate_hz
         self._memory_s = memory_s
@@ -62,7 +64,6 @@ class CombFollower:
         self._rest = 0  # frames until the next search
         self._search: Piecemeal[Harmonics | None] | None = None
         self._spectra: dict[int, Spectrum] = {}
-        self._frames = 0
         self._patience = lost_s * sample_rate_hz / frame
         self._doubtful_frames = 0
 
@@ -85,7 +86,9 @@ class CombFollower:
         else:
             self.harmonics.subtract(samples, out)
 
-    def end_frame(self, samples: NDArray[np.float64], taken_hz: float | None = None) -> bool:
+    def end_frame(
+        self, samples: NDArray[np.float64], taken_hz: float | None = None, sidebands: Sidebands | None = None
+    ) -> bool:
         """Learn from a full frame of samples, and look for a comb when it is time.
 
         Parameters
@@ -94,17 +97,20 @@ class CombFollower:
             The signal; missing samples are not finite.
         taken_hz : float, optional
             Fundamental of a comb that has been taken out of it; what may be left of its lines does not count.
+        sidebands : Sidebands, optional
+            Of a vibration in it that is no comb's, whose sidebands tell it: that of a known speed apart, a comb that
+            has it among its lines is given up.
 
         Returns
         -------
         bool
             Whether a new comb was found.
         """
-        self._frames += 1
+        self.frames += 1
         if self.harmonics is not None:
             self.harmonics.learn()
-            self._check(self.harmonics)
-        if copy_present(samples, math.inf, self._past[self._frames % len(self._past)]) == len(samples):
+            self._check(self.harmonics, sidebands)
+        if copy_present(samples, math.inf, self._past[self.frames % len(self._past)]) == len(samples):
             self._heard = min(self._heard + 1, self._window)
         else:
             self.forget()
@@ -135,9 +141,12 @@ class CombFollower:
             return self.harmonics is not None
         return False
 
-    def _check(self, harmonics: Harmonics) -> None:
+    def _check(self, harmonics: Harmonics, sidebands: Sidebands | None) -> None:
         """Give up a comb that has not been one for too long; where the speed changes, it stays one."""
-        if self._frames % CHECK_FRAMES == 0:
+        if sidebands is not None and not self._known and sidebands.on(harmonics.rotation_hz):
+            self.harmonics = None
+            return
+        if self.frames % CHECK_FRAMES == 0:
             if self._target.stands(harmonics.clear(), harmonics.rotation_hz):
                 self._doubtful_frames = 0
             else:
@@ -145,25 +154,41 @@ class CombFollower:
         if self._doubtful_frames > self._patience:
             self.harmonics = None
 
+    @property
+    def has_heard_enough(self) -> bool:
+        """Whether the latest window is whole."""
+        return self._heard == self._window
+
+    def faint_lines(self, last: int) -> Lines:
+        """Lines of the window up to a frame, one of the latest few, with faint ones among them."""
+        return self._spectrum(self._window).faint_lines(*self._pieces(self._window, last))
+
     def _lines(self, frames: int, last: int) -> Lines:
         """Lines of so many frames of the past, up to one."""
+        return self._spectrum(frames).lines(*self._pieces(frames, last))
+
+    def _spectrum(self, frames: int) -> Spectrum:
         if frames not in self._spectra:  # there are few lengths: the window, and halves of it
             samples = frames * self._past.shape[1]
             self._spectra[frames] = Spectrum(samples, self._rate_hz, self._lowest_hz)
+        return self._spectra[frames]
+
+    def _pieces(self, frames: int, last: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Samples of so many frames of the past, up to one: the past is a ring."""
         first = (last - frames + 1) % len(self._past)
         before_the_end = self._past[first : first + frames]
-        return self._spectra[frames].lines(before_the_end.ravel(), self._past[: frames - len(before_the_end)].ravel())
+        return before_the_end.ravel(), self._past[: frames - len(before_the_end)].ravel()
 
     def _latest(self, frames: int) -> NDArray[np.float64]:
-        return self._past[np.arange(self._frames - frames + 1, self._frames + 1) % len(self._past)]
+        return self._past[np.arange(self.frames - frames + 1, self.frames + 1) % len(self._past)]
 
     def _look(self, lengths: list[int], taken_hz: float | None) -> Piecemeal[Harmonics | None]:
         """Look for a comb in so many of the last frames, and follow it from there to now."""
         for frames in lengths:
-            begun = self._frames
+            begun = self.frames
             search = partial(self._comb_of, frames, begun, taken_hz)
             comb = (yield from in_turn(self._turn, search)) if self._known else search()
-            harmonics = None if comb is None else (yield from self._follow(comb, frames, self._frames - begun))
+            harmonics = None if comb is None else (yield from self._follow(comb, frames, self.frames - begun))
             if harmonics is not None:
                 return harmonics
         return None
@@ -175,7 +200,15 @@ class CombFollower:
 
     def _comb_of(self, frames: int, last: int, taken_hz: float | None) -> Comb | None:
         lines = self._lines(frames, last)
-        return find_comb(lines if taken_hz is None else lines.without(lines.on(taken_hz)), self._target)
+        if taken_hz is not None:
+            lines = lines.without(lines.on(taken_hz))
+        comb = find_comb(lines, self._target)
+        if comb is None or self._known:
+            return comb
+        sidebands = find_sidebands(self.faint_lines(last), self._target.low_hz)
+        if sidebands is None or not sidebands.on(comb.fundamental_hz):
+            return comb
+        return find_comb(lines.without(sidebands.of(lines)), self._target)
 
     def _follow(self, comb: Comb, frames: int, ago: int) -> Piecemeal[Harmonics | None]:
         """Follow a comb through the frames in which it was found, so many frames ago, and on to now."""
@@ -196,6 +229,6 @@ class CombFollower:
                 behind += 1
         # A self-excited vibration that crosses an order takes the harmonics along, away from where the other lines are.
         now_hz = harmonics.rotation_hz
-        on_lines = self._lines(frames - frames // 2, self._frames).orders(now_hz)
+        on_lines = self._lines(frames - frames // 2, self.frames).orders(now_hz)
         stands = self._target.stands(harmonics.clear(), now_hz) and self._target.stands(on_lines, now_hz)
         return harmonics if stands else None

@@ -8,6 +8,7 @@ the first leaves.
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Annotated, Literal, NamedTuple
 
 import msgspec
@@ -21,8 +22,10 @@ from chatter_monitor.kernels.taken import share_taken
 from chatter_monitor.tracking.comb import Target
 from chatter_monitor.tracking.follower import CombFollower
 from chatter_monitor.tracking.harmonics import Harmonics
+from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S
+from chatter_monitor.tracking.turns import TURNS, Piecemeal, in_turn
 
 Source = Literal["given", "refined", "found"]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -110,6 +113,8 @@ class Orders(NamedTuple):
     growth : float
         By how much a comb that is out of step with the rotation has grown (natural logarithm of the amplitude), 0 if
         there is none (`kernels.rotations`).
+    sidebands : Sidebands or None
+        A line with sidebands that is no multiple of their spacing, in the window before.
     """
 
     first_sample: int
@@ -124,6 +129,7 @@ class Orders(NamedTuple):
     repeating_share: float = 0.0
     fainter: bool = False
     growth: float = 0.0
+    sidebands: Sidebands | None = None
 
     @property
     def heard(self) -> bool:
@@ -175,12 +181,18 @@ class OrderTracker:
         self._taken = (0, 0.0)  # combs taken out of the last frame, and their power
         self._taken_s = math.inf  # since another comb has been taken out
         self._heard: tuple[float, float, int] | None = None  # speed and its deviation (Hz), and the sample then
+        self._share = 0.0  # of the last frame's power that was taken out
+        self._turn = turn
+        self._sidebands: Sidebands | None = None
+        self._search: Piecemeal[Sidebands | None] | None = None  # for sidebands
+        self._rest = 0  # frames until the next one
 
     def set_spindle(self, spindle: SpindleSettings) -> None:
         """Go by another speed or number of teeth."""
         self.digest()
         self._spindle = spindle
         self._heard = None
+        self._search, self._rest = None, 0
         self._followers[0].aim(self._target())
 
     def process(self, first_sample: int, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], list[Orders]]:
@@ -212,12 +224,44 @@ class OrderTracker:
             return
         self._undigested = False
         first, second = self._followers
-        found = first.end_frame(self._signals[0])
+        found = first.end_frame(self._signals[0], sidebands=self._sidebands)
         # With a comb that the first one takes from now on, the past is no guide to what is left; and where the spindle
         # itself is not heard, lines that are evenly spaced are more likely a self-excited vibration's.
         if found or first.harmonics is None:
             second.forget()
-        second.end_frame(self._signals[1], None if first.harmonics is None else first.harmonics.rotation_hz)
+        taken_hz = None if first.harmonics is None else first.harmonics.rotation_hz
+        second.end_frame(self._signals[1], taken_hz, self._sidebands)
+        self._look_for_sidebands()
+
+    def _look_for_sidebands(self) -> None:
+        """Do a frame's part of the search: twice within the window, but where the power is explained."""
+        if not self._followers[0].has_heard_enough:
+            self._sidebands = self._search = None
+            self._rest = 0
+            return
+        if self._rest == 0:
+            self._rest = max(TURNS + 1, round(self._settings.window_s / (2.0 * INTERVAL_S)))
+            if self._is_explained:
+                self._sidebands = None
+            else:
+                self._search = in_turn(self._turn, partial(self._find_sidebands, self._followers[0].frames))
+        self._rest -= 1
+        if self._search is not None:
+            try:
+                next(self._search)
+            except StopIteration as over:
+                self._search, self._sidebands = None, over.value
+
+    @property
+    def _is_explained(self) -> bool:
+        """Whether the spindle takes most of the power; any other comb may be one of sidebands."""
+        spindle, other = (follower.harmonics for follower in self._followers)
+        turns = self._spindle.speed_rpm is not None and spindle is not None and other is None
+        return turns and self._share > MOST
+
+    def _find_sidebands(self, last: int) -> Sidebands | None:
+        told = None if self._spindle.speed_rpm is None else self._target()
+        return find_sidebands(self._followers[0].faint_lines(last), self._settings.slowest_hz, told)
 
     def finish(self) -> list[Orders]:
         """What can be said of the last, shorter frame."""
@@ -259,6 +303,7 @@ class OrderTracker:
         share, power = share_taken(self._signals[0, : self._filled], self._signals[-1, : self._filled])
         combs_before, taken_before = self._taken
         self._taken = sum(follower.harmonics is not None for follower in self._followers), share * power
+        self._share = share
         self._taken_s = 0.0 if self._taken[0] > combs_before else self._taken_s + INTERVAL_S
         returned = self._taken[0] < combs_before and taken_before - share * power >= RETURNED_SHARE * power
         combs = [(follower.harmonics, _lines(follower.harmonics)) for follower in self._followers]
@@ -280,7 +325,7 @@ class OrderTracker:
         return Orders(
             *(first_sample, hertz, sd_hz, source, share),
             *(lines, other_hz, other_lines, returned),
-            *(repeating, fainter, growth),
+            *(repeating, fainter, growth, self._sidebands),
         )
 
     def _from_memory(self, sample: int) -> tuple[float | None, float | None, Source | None]:

@@ -79,7 +79,7 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     told = memory.told
     alarm = told.alarm
     if alarm is not None:
-        return Opinion("self_excited", alarm.self_excited, reasons.chatter(alarm, evidence.orders.growth), alarm.heard)
+        return Opinion("self_excited", alarm.self_excited, reasons.chatter(alarm, evidence.orders), alarm.heard)
     calm = 1.0 - told.overview.suspicion
     forced = _forced_by(memory.forced_share)
     if memory.synchronous > MOST:

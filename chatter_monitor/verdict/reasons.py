@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from chatter_monitor.kernels.testimony import CARRIER_HZ
 from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.evidence import ModeEvidence
 from chatter_monitor.verdict.vibrations import Followed
@@ -16,20 +17,23 @@ def warned(suspect: Followed) -> str:
     return f"{_line(suspect)} has risen; it may grow by itself, or come from something that turns"
 
 
-def chatter(alarm: Followed, growth: float) -> tuple[str, ...]:
-    """What an alarm is about, and by how much what repeats has grown from rotation to rotation."""
+def chatter(alarm: Followed, orders: Orders) -> tuple[str, ...]:
+    """What an alarm is about."""
     if alarm.heard is None:
         return ("the vibration has not died down since the alarm",)
     line, mode = alarm.heard.line, alarm.heard.mode
     told = [f"{_line(alarm)} {'grows' if alarm.kinds.growing > alarm.kinds.saturated else 'has grown'} by itself"]
-    if growth > 0.0:
-        told.append(grown(growth))
+    if orders.growth > 0.0:
+        told.append(grown(orders.growth))
     if line.absolute_rise > 0.5:
         told.append(f"{math.exp(line.absolute_rise):.1f} times its amplitude of the last seconds")
     elif line.news > 0.5:
         told.append(f"it stands out {math.exp(line.news):.1f} times as much as in the cuts before")
     elif line.arrival > 0.5:
         told.append("it came with the tool")
+    beside = orders.sidebands
+    if beside is not None and abs(beside.carrier_hz - alarm.frequency_hz) < CARRIER_HZ:
+        told.append(f"it has sidebands {beside.spacing_hz:.1f} Hz apart and is no multiple of that")
     told.append(f"it takes {100 * line.share:.0f} % of the power that is not in multiples of a rotation")
     if mode is not None:
         told.append(f"damping {damping(mode)}")

@@ -9,6 +9,7 @@ are followed only those become objects that something is said about.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -128,7 +129,7 @@ class Following:
         self._known = 0  # of the vibrations, the most suspicious first; behind them there is room for more
         self._vibrations, self._work = np.empty((2, ROOM), VIBRATION)
         self._lines, self._taken = np.empty(ROOM, LINE), np.empty(ROOM, np.bool_)
-        testimony = (np.empty((0, FIELDS)), NOTHING_TAKEN, False, False, 0.0, 0.0)
+        testimony = (np.empty((0, FIELDS)), NOTHING_TAKEN, False, False, math.nan, 0.0, 0.0)
         self._another_interval = bound(
             kernel.another_interval,
             *(self._vibrations, 0, testimony, Rules(0.5, 0.5), _WEIGHTS, self._lines, self._taken, self._work),
@@ -185,7 +186,7 @@ def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
     return lines
 
 
-def _testimony(evidence: Evidence) -> tuple[NDArray[np.float64], NDArray[np.float64], bool, bool, float, float]:
+def _testimony(evidence: Evidence) -> tuple[NDArray[np.float64], NDArray[np.float64], bool, bool, float, float, float]:
     """What `kernels.testimony` takes of an interval."""
     orders = evidence.orders
     taken = [(line.frequency_hz, line.rms) for line in (*orders.lines, *orders.other_lines)]
@@ -194,6 +195,7 @@ def _testimony(evidence: Evidence) -> tuple[NDArray[np.float64], NDArray[np.floa
         np.array(taken) if taken else NOTHING_TAKEN,
         orders.source == "found",
         orders.source == "refined" and orders.heard,
+        math.nan if orders.sidebands is None else orders.sidebands.carrier_hz,
         orders.growth,
         evidence.power,
     )

@@ -31,6 +31,7 @@ def line(**about):
         "frequency_hz": 1000.0, "share": 0.5, "prominence_db": 20.0, "variation": 0.3, "growth_per_s": 20.0,
         "rise": 0.7, "long_rise": 1.5, "absolute_rise": 1.7, "coherence": 0.9, "damping_ratio": 0.02, "order_odds": 0.0,
         "dominance": 0.5, "growth": 0.0, "power": 1.0, "arrival": 0.0,
+        "carrier": False,
     }  # fmt: skip
     return np.array([tuple((usual | about)[name] for name in LINE.names)], LINE)[0]
 
@@ -159,6 +160,14 @@ def test_what_is_calm_and_louder_than_before_has_risen():
     assert kinds(0.0, 1.0 + kernel.LOUDER).steady > 0.8
     assert kinds(0.0, 0.0).steady > 0.8
     assert kinds(0.0, 0.0, arrival=1.0 + kernel.LOUDER).risen > 0.8
+
+
+def test_what_has_sidebands_is_calm():
+    """However unsteady they make it; steady from the start only if it is no louder than it was."""
+    unsteady = {"long_rise": 0.0, "absolute_rise": 0.0, "carrier": True}
+    assert kernel.likeness(line(**unsteady), -(WEIGHTS**2))[1:] == (CONVINCING, CONVINCING)
+    assert kernel.likeness(line(**unsteady, arrival=1.0 + kernel.LOUDER), -(WEIGHTS**2))[1:] == (CONVINCING, 0.0)
+    assert kernel.likeness(line(**unsteady | {"carrier": False}), -(WEIGHTS**2)).calm == -CONVINCING
 
 
 def test_measures_are_what_the_docstring_says():

@@ -9,7 +9,7 @@ import pytest
 
 from chatter_monitor.kernels.heard import BY_CHANCE, FIELDS, HERTZ, NEAR, NEAR_TEETH, TEETH_BY_CHANCE
 from chatter_monitor.kernels.kinds import LINE
-from chatter_monitor.kernels.lines import ARRIVAL, NEWS, SHARE
+from chatter_monitor.kernels.lines import ABSOLUTE_RISE, ARRIVAL, NEWS, SHARE
 from chatter_monitor.kernels.testimony import witness
 from chatter_monitor.kernels.vibrations import Odds
 
@@ -17,9 +17,9 @@ ODDS = Odds(unknown_speed=-0.6, off_found=0.5)
 NOTHING = np.empty((0, 2))
 
 
-def said_of(heard, *, taken=NOTHING, found=False, spindle=False, growth=0.0, power=2.0):
+def said_of(heard, *, taken=NOTHING, found=False, spindle=False, carrier_hz=math.nan, growth=0.0, power=2.0):
     lines = np.empty(len(heard), LINE)
-    witness(heard, taken, found, spindle, growth, power, ODDS, lines)
+    witness(heard, taken, found, spindle, carrier_hz, growth, power, ODDS, lines)
     return lines
 
 
@@ -89,3 +89,15 @@ def test_growth_is_the_strongest_lines():
     assert said["growth"].tolist() == [0.0, 1.0]
     assert said["order_odds"][1] == 0.5
     assert said["dominance"].tolist() == pytest.approx([0.2, 1.0 - math.exp(-2.0)])
+
+
+@pytest.mark.parametrize(("hertz", "fell", "carrier"), [(505.0, 0.0, True), (520.0, 0.0, False), (505.0, -1.0, False)])
+def test_what_has_sidebands_is_on_no_order(hertz, fell, carrier):
+    """The line at their middle, whatever speed is told or none, and what is new in it counts; not once it is over."""
+    heard = line(hertz, 0.3, 1.0, 0.2, 1.0)
+    heard[ABSOLUTE_RISE] = fell
+    (said,) = said_of(heard[np.newaxis], carrier_hz=500.0)
+    assert said["carrier"] == carrier
+    assert (said["order_odds"], said["arrival"]) == (
+        (pytest.approx(-math.log(0.05)), 2.5) if carrier else (pytest.approx(-math.log(7.5 + 1.0)), 0.0)
+    )

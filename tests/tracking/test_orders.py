@@ -175,6 +175,36 @@ def test_chatter_with_sidebands_stays(spindle):
     assert power(residual, 4) > 0.99 * power(chatter + noise(8), 4)
 
 
+@pytest.mark.parametrize(("spindle", "spacing"), [(UNKNOWN, 3), (SpindleSettings(60 * 60.5, 3), 3)])
+def test_sidebands_are_told_as_long_as_they_are_there(spindle, spacing):
+    """Within 1.5 windows of the first sample, as long after the last one, and not from across missing samples."""
+    t = np.arange(at(16)) / RATE_HZ
+    around = 1 + 0.3 * np.cos(2 * np.pi * 180 * t) + 0.1 * np.cos(2 * np.pi * 360 * t)
+    chatter = around * np.cos(2 * np.pi * 19.43 * 60.0 * t) + 0.2 * np.cos(2 * np.pi * 2 * 19.43 * 60.0 * t)
+    samples = (
+        np.where((t > 2.0) & (t < 8.0), chatter, 0.0) + comb(16, 60.0, {3: 0.05, 6: 0.03, 9: 0.02}) + noise(16, 0.01)
+    )
+    samples[at(12.0)] = np.nan
+    samples[at(12.1) :] += chatter[at(12.1) :]
+    _, frames = take_out(samples, spindle)
+    told = [frame.sidebands for frame in frames]
+    heard = [i for i, sidebands in enumerate(told) if sidebands is not None]
+    assert 2.0 < 0.05 * heard[0] < 2.0 + 1.5 * 2.55
+    assert all(told[heard[0] : round(8.0 / 0.05)])
+    assert not any(told[round((8.0 + 1.5 * 2.55) / 0.05) : round((12.1 + 2.55) / 0.05)])
+    assert told[heard[-1]].carrier_hz == pytest.approx(19.43 * 60.0, abs=0.5)
+    assert told[heard[-1]].spacing_hz / 60.0 == pytest.approx(spacing, abs=0.01)
+
+
+@pytest.mark.parametrize("spindle", [UNKNOWN, GIVEN])
+def test_what_turns_has_no_sidebands(spindle):
+    """Not even one that is told 2 % off, with teeth that are not alike, before it is found or after."""
+    _, frames = take_out(
+        comb(8, TURNS_HZ, {1: 0.3, 2: 0.1, 4: 1.0, 7: 0.2, 8: 0.7, 12: 0.5, 15: 0.8}) + noise(8), spindle
+    )
+    assert all(frame.sidebands is None for frame in frames)
+
+
 def test_a_second_comb_is_taken_out_too():
     """The mains' comb beside the spindle's is taken out of what the spindle leaves; it is reported as the other."""
     mains = comb(10, 50.0, {1: 0.2, 3: 0.5, 5: 0.3, 7: 0.2, 9: 0.2})

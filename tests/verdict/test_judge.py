@@ -16,6 +16,7 @@ from chatter_monitor.kernels.vibrations import VIBRATION
 from chatter_monitor.records import Flag
 from chatter_monitor.tracking.margin import FRAMES_TO_RENEW, Margin
 from chatter_monitor.tracking.orders import OrderLine, Orders
+from chatter_monitor.tracking.sidebands import Sidebands
 from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Place, Vibration
 from chatter_monitor.verdict.judge import DEAF, Judge
@@ -188,6 +189,15 @@ def test_an_alarm_from_the_entry_tells_what_is_new(measure, kinds, why):
     alarm = Followed(HZ, kinds, unexplained=0.9, alarm_for=3, heard=entered)
     view = opinion(evidence(entered), remembered(alarm), JudgeSettings())
     assert view.reasons[1] == why
+
+
+@pytest.mark.parametrize(("carrier_hz", "told"), [(HZ + 5.0, True), (HZ + 30.0, False)])
+def test_an_alarm_tells_its_sidebands(carrier_hz, told):
+    """Those of the line that the alarm is about."""
+    orders = UNKNOWN_SPEED._replace(sidebands=Sidebands(carrier_hz, 0.5, 165.6, 40.0))
+    alarm = Followed(HZ, Kinds(0.0, 0.1, 0.9, 0.0), unexplained=0.9, alarm_for=3, heard=steady())
+    view = opinion(evidence(steady())._replace(orders=orders), remembered(alarm), JudgeSettings())
+    assert ("it has sidebands 165.6 Hz apart and is no multiple of that" in view.reasons) is told
 
 
 def test_growth_beyond_chance_is_an_alarm_at_once():

@@ -64,10 +64,11 @@ def shift(seed, intervals):
                         rng.choice((0.0, 0.5, 0.9), p=(0.8, 0.1, 0.1)) if number == 2 else 0.0,
                         power,
                         rng.choice((0.0, 0.7, 1.4)) if number == 3 else 0.0,
+                        number == 3 and rng.random() < 0.3,
                     )
                 )
         for hertz in rng.uniform(50.0, 6000.0, rng.integers(0, 4)):
-            about = (8.0, 0.5, 0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.9), 0.03, -0.7, 0.01, 0.0, power, 0.0)
+            about = (8.0, 0.5, 0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.9), 0.03, -0.7, 0.01, 0.0, power, 0.0, False)
             rows.append((hertz, 0.01, *about))
         yield np.array(rows, LINE)
 

@@ -1,0 +1,255 @@
+"""How well a vibration with evenly spaced sidebands explains lines of a spectrum, and how well a comb does.
+
+A vibration that excites itself in a machine that turns has two frequencies, its own and that of the teeth, and lines at
+sums and differences of their multiples: it is quasi-periodic. What is forced has one.
+
+Both explanations are counted alike: for each line -ln(chance to lie so near to one of their places), less what the
+choice of these lines among all is worth, and less the lines that the explanation was made from.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels.options import OPTIONS
+
+# Bins on either side of a line in which the noise beside it is heard: nearer than the sidebands of another line.
+BESIDE = 16
+# Multiples of the vibration's frequency that have sidebands; beside those there are multiples of the spacing itself.
+OVERTONES = 2
+# How far from any multiple of the spacing the vibration has to be: in tolerances, and relatively, for a speed that
+# wanders blurs high multiples, which then have crests beside them.
+CLEAR, CLEAR_SHARE = 3.0, 0.006
+# Most teeth of a spindle. What a chip is thick varies from tooth to tooth, so that the rotation is heard between them.
+MOST_TEETH = 6
+# A spacing that comes from two lines is so exact, in their tolerances; then it is fitted to all.
+ROUGHLY = 2.0
+
+
+@njit(**OPTIONS)
+def crests_beside(power, line_to_noise, lowest, least, peaks):
+    """Local maxima of a spectrum that stand out of the noise next to them, beside stronger lines, too.
+
+    Parameters
+    ----------
+    power : ndarray of float64, shape (n,)
+    line_to_noise : float
+        Least ratio of a maximum to the noise: the median of the bins beside it, of an exponential distribution.
+    lowest : int
+        First bin that counts.
+    least : float
+        Power below which nothing counts.
+    peaks : ndarray of int64, shape (n,)
+        The result: their bins.
+
+    Returns
+    -------
+    int
+        How many there are.
+    """
+    count = 0
+    last = power.shape[0] - 1
+    for b in range(max(lowest, 1), last):
+        if power[b] >= least and power[b] > power[b - 1] and power[b] >= power[b + 1]:
+            # no more than half of them are louder, so the median is not
+            enough = power[b] * math.log(2.0) / line_to_noise
+            low, high = max(b - BESIDE, 0), min(b + BESIDE, last)
+            loud = 0
+            for i in range(low, high + 1):
+                loud += power[i] > enough
+            if 2 * loud <= high - low:
+                peaks[count] = b
+                count += 1
+    return count
+
+
+@njit(**OPTIONS)
+def best_sidebands(frequencies, tolerances, carriers, low, high, teeth, parts, factorials, best):
+    """The vibration with the spacing of its sidebands that explain lines best.
+
+    Parameters
+    ----------
+    frequencies, tolerances : ndarray of float64, shape (lines,)
+        Where lines are, and how exactly that is known.
+    carriers : int
+        The vibration is one of the first so many.
+    low, high : float
+        Range of the spacing.
+    teeth : int
+        Of the spindle whose rotation the range is about, as in `kernels.comb.surprise`.
+    parts : int
+        The distance of a line from a multiple of the vibration's frequency is up to so many times the spacing.
+    factorials : ndarray of float64, shape (>= lines,)
+        Logarithms of the factorials of the numbers from 0 on.
+    best : ndarray of float64, shape (3,)
+        The result: frequency of the vibration and spacing, fitted to the lines, and the logarithm of how many were
+        tried.
+
+    Returns
+    -------
+    float
+        Log odds against chance, over all that were tried; two lines are explained for certain.
+    """
+    evidence = 0.0
+    tried = 0
+    for c in range(carriers):
+        for i in range(frequencies.shape[0]):
+            for overtone in range(OVERTONES + 1):
+                distance = abs(frequencies[i] - overtone * frequencies[c])
+                first = max(1, math.ceil(distance / high))
+                for part in range(first, min(int(distance / low), first + parts - 1) + 1):
+                    carrier, spacing = _fitted(frequencies, tolerances, frequencies[c], distance / part)
+                    if not is_clear(carrier, spacing, tolerances[c]):
+                        continue
+                    tried += 1
+                    gain = _gain(frequencies, tolerances, c, carrier, spacing, teeth, factorials)
+                    if gain > evidence:
+                        evidence = gain
+                        best[0], best[1] = carrier, spacing
+    best[2] = math.log(max(tried, 1))
+    return evidence - best[2]
+
+
+@njit(**OPTIONS)
+def best_comb(frequencies, tolerances, without, low, high, teeth, factorials):
+    """Log odds against chance, over all that were tried, of the best comb of all lines but one (``without``).
+
+    Where the teeth are not known the rotation may be heard between them. Other parameters as in `best_sidebands`.
+    """
+    evidence = 0.0
+    tried = 0
+    most = MOST_TEETH if teeth == 1 else 1
+    for i in range(frequencies.shape[0]):
+        if i == without:
+            continue
+        for multiple in range(max(1, math.ceil(frequencies[i] / high)), int(frequencies[i] / low) + 1):
+            tried += most
+            hits, spacing = _fitted_comb(frequencies, tolerances, without, frequencies[i] / multiple)
+            if hits < 3:
+                continue
+            for parts in range(1, most + 1):
+                gain = _gain_of_comb(frequencies, tolerances, without, spacing, teeth, parts, factorials)
+                evidence = max(evidence, gain)
+    return evidence - math.log(tried) if tried > 0 else 0.0
+
+
+@njit(**OPTIONS)
+def comb_of(frequencies, tolerances, without, spacing, teeth, factorials):
+    """Log odds against chance of the comb of this spacing alone, or of teeth so far apart and their rotation."""
+    _, rotation = _fitted_comb(frequencies, tolerances, without, spacing)
+    evidence = _gain_of_comb(frequencies, tolerances, without, rotation, teeth, 1, factorials)
+    for parts in range(2, MOST_TEETH + 1):
+        _, rotation = _fitted_comb(frequencies, tolerances, without, spacing / parts)
+        evidence = max(evidence, _gain_of_comb(frequencies, tolerances, without, rotation, 1, parts, factorials))
+    return evidence
+
+
+@njit(**OPTIONS)
+def _fitted_comb(frequencies, tolerances, without, spacing):
+    """How many lines are roughly at multiples, and the spacing by least squares over them."""
+    hits = 0
+    information = score = 0.0
+    for j in range(frequencies.shape[0]):
+        order = np.rint(frequencies[j] / spacing)
+        if j != without and order >= 1.0 and abs(frequencies[j] - order * spacing) <= ROUGHLY * tolerances[j]:
+            weight = tolerances[j] ** -2.0
+            information += weight * order * order
+            score += weight * order * frequencies[j]
+            hits += 1
+    return hits, score / information if hits > 0 else spacing
+
+
+@njit(**OPTIONS)
+def _gain_of_comb(frequencies, tolerances, without, spacing, teeth, parts, factorials):
+    """Log odds of a comb; lines at every so many multiples (``parts``: the teeth) and others are told apart."""
+    total = rarest = 0.0
+    hits = whole = 0
+    n = frequencies.shape[0]
+    for j in range(n):
+        order = np.rint(frequencies[j] / spacing)
+        if j != without and order >= 1.0 and abs(frequencies[j] - order * spacing) <= tolerances[j]:
+            at_teeth = order % parts == 0.0
+            places = 1 if at_teeth else parts - 1
+            surprise = _surprise(2.0 * places * tolerances[j], parts * spacing, order, teeth)
+            total += surprise
+            rarest = max(rarest, surprise)
+            hits += 1
+            whole += at_teeth
+    return total - rarest - _choices(n - 1, hits - 1, factorials) - _choices(hits, whole, factorials)
+
+
+@njit(**OPTIONS)
+def is_clear(carrier, spacing, tolerance):
+    """Whether a line is no multiple of a spacing, nor of a half or third of it: two or three teeth not alike."""
+    if _away(carrier, spacing / 2.0) <= ROUGHLY * tolerance or _away(carrier, spacing / 3.0) <= ROUGHLY * tolerance:
+        return False
+    return _away(carrier, spacing) > CLEAR * tolerance + CLEAR_SHARE * carrier
+
+
+@njit(**OPTIONS)
+def _away(hertz, spacing):
+    """Distance from the nearest multiple."""
+    return abs(hertz - np.rint(hertz / spacing) * spacing)
+
+
+@njit(**OPTIONS)
+def _place(hertz, tolerance, carrier, spacing):
+    """Of which multiples of the vibration's frequency and of the spacing a line is the sum; -1 for none."""
+    for overtone in range(OVERTONES + 1):
+        away = hertz - overtone * carrier
+        multiple = np.rint(away / spacing)
+        if abs(away - multiple * spacing) <= tolerance and (overtone > 0 or multiple >= 1.0):
+            return overtone, multiple
+    return -1, 0.0
+
+
+@njit(**OPTIONS)
+def _fitted(frequencies, tolerances, carrier, spacing):
+    """Both frequencies by least squares over all lines that are roughly where they have them."""
+    aa = ab = bb = ay = by = 0.0
+    for i in range(frequencies.shape[0]):
+        overtone, multiple = _place(frequencies[i], ROUGHLY * tolerances[i], carrier, spacing)
+        if overtone >= 0:
+            weight = tolerances[i] ** -2.0
+            aa += weight * overtone * overtone
+            ab += weight * overtone * multiple
+            bb += weight * multiple * multiple
+            ay += weight * overtone * frequencies[i]
+            by += weight * multiple * frequencies[i]
+    determinant = aa * bb - ab * ab
+    if not determinant > 1e-9 * aa * bb:
+        return carrier, spacing
+    return (bb * ay - ab * by) / determinant, (aa * by - ab * ay) / determinant
+
+
+@njit(**OPTIONS)
+def _gain(frequencies, tolerances, vibration, carrier, spacing, teeth, factorials):
+    """Log odds of a vibration with sidebands; multiples of the spacing go with them, as a forced comb does."""
+    total = rarest = 0.0
+    hits = forced = 0
+    for i in range(frequencies.shape[0]):
+        overtone, multiple = _place(frequencies[i], tolerances[i], carrier, spacing)
+        if i == vibration or overtone < 0:
+            continue
+        places = OVERTONES if overtone > 0 else 1
+        surprise = _surprise(2.0 * places * tolerances[i], spacing, multiple, teeth)
+        total += surprise
+        rarest = max(rarest, surprise)
+        hits += 1
+        forced += overtone == 0
+    n = frequencies.shape[0]
+    return total - rarest - _choices(n - 2, hits - 1, factorials) - _choices(hits, forced, factorials)
+
+
+@njit(**OPTIONS)
+def _surprise(width, spacing, multiple, teeth):
+    """-ln(chance) that a line is so near to one of these places: places of the teeth are rarer."""
+    return max(0.0, -math.log(width / (spacing * (teeth if multiple % teeth == 0.0 else 1))))
+
+
+@njit(**OPTIONS)
+def _choices(n, k, factorials):
+    """Logarithm of the number of ways to choose k of n."""
+    k = min(max(k, 0), n)
+    return factorials[n] - factorials[k] - factorials[n - k]

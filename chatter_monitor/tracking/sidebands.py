@@ -1,0 +1,125 @@
+"""Sidebands around a line: a vibration of its own in a machine that turns, told without knowing how fast.
+
+Lines at a f + b d, for a from 0 to 2, of a vibration's frequency f and the spacing d of its sidebands are held against
+chance, and against a comb: of all lines, and of all but that at f, for a tone beside a comb has no sidebands.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.kernels import sidebands as kernel
+from chatter_monitor.tracking.comb import LOG_FACTORIAL, Lines, Target
+
+# Two lines are explained for certain, and two more are not enough.
+FEWEST = 5
+# The vibration is one of so many of the strongest lines.
+CARRIERS = 4
+# Distances of lines from it are up to so many times the spacing; whatever times it, where that is told.
+PARTS, ANY_PART = 3, 1 << 30
+# Log odds against chance: in a shift sidebands are looked for 20 000 times.
+ENOUGH = math.log(1e6)
+# Log odds by which they have to be ahead of a comb.
+AHEAD = 5.0
+NO_LINE = -1
+
+
+class Sidebands(NamedTuple):
+    """A line with sidebands: its frequency, how exactly it is known and their spacing (Hz), and the log odds."""
+
+    carrier_hz: float
+    tolerance_hz: float
+    spacing_hz: float
+    evidence: float
+
+    def of(self, lines: Lines) -> NDArray[np.bool_]:
+        """Which lines are the vibration's, its overtone's, or sidebands of either."""
+        return self._beside(lines, self.carrier_hz) | self._beside(lines, 2.0 * self.carrier_hz)
+
+    def on(self, fundamental_hz: float) -> bool:
+        """Whether the vibration cannot be told from a multiple of a frequency."""
+        order = self.carrier_hz / fundamental_hz
+        return abs(order - round(order)) * fundamental_hz <= self.tolerance_hz
+
+    def _beside(self, lines: Lines, hertz: float) -> NDArray[np.bool_]:
+        order = (lines.frequency_hz - hertz) / self.spacing_hz
+        near: NDArray[np.bool_] = np.abs(order - np.round(order)) * self.spacing_hz <= lines.tolerance_hz
+        return near
+
+
+class _Range(NamedTuple):
+    """Where the spacing may be (Hz), the teeth of the spindle if it is its rotation, and the parts that are tried."""
+
+    low_hz: float
+    high_hz: float
+    teeth: int
+    parts: int
+
+
+class _Found(NamedTuple):
+    """Frequency of a vibration, spacing of its sidebands, log odds over and logarithm of all that were tried, teeth."""
+
+    carrier_hz: float
+    spacing_hz: float
+    evidence: float
+    tried: float
+    teeth: int
+
+
+def find_sidebands(lines: Lines, slowest_hz: float, told: Target | None = None) -> Sidebands | None:
+    """The line with sidebands that explain the lines best; None where a comb does as well, or chance may.
+
+    Parameters
+    ----------
+    lines : Lines
+        Strongest first, faint ones among them (`Spectrum.faint_lines`).
+    slowest_hz : float
+        Least spacing.
+    told : Target, optional
+        The spindle, where its speed is told: the spacing may be that of its rotation or of its teeth, and a narrow
+        range leaves less to chance.
+    """
+    if len(lines.frequency_hz) < FEWEST:
+        return None
+    ranges = [_Range(slowest_hz, math.inf, 1, PARTS)]
+    if told is not None and told.teeth is not None:
+        ranges.append(_Range(told.low_hz, told.high_hz, told.teeth, ANY_PART))
+        ranges.append(_Range(told.low_hz * told.teeth, told.high_hz * told.teeth, 1, ANY_PART))
+    found = max((_best_sidebands(lines, each) for each in ranges), key=lambda best: best.evidence)
+    if found.evidence < ENOUGH:
+        return None
+    # of these lines each has the others as sidebands: the strongest gives them its name
+    multiple = (lines.frequency_hz - found.carrier_hz) / found.spacing_hz
+    carrier = int(np.argmax(np.abs(multiple - np.round(multiple)) * found.spacing_hz <= lines.tolerance_hz))
+    carrier_hz = float(lines.frequency_hz[carrier])
+    if not kernel.is_clear(carrier_hz, found.spacing_hz, lines.tolerance_hz[carrier]):
+        return None
+    if any(_best_comb(lines, without, found, ranges) > found.evidence - AHEAD for without in (NO_LINE, carrier)):
+        return None
+    return Sidebands(carrier_hz, lines.tolerance_hz[carrier].item(), found.spacing_hz, found.evidence)
+
+
+def _best_sidebands(lines: Lines, among: _Range) -> _Found:
+    best = np.empty(3)
+    evidence = kernel.best_sidebands(
+        lines.frequency_hz, lines.tolerance_hz, CARRIERS, among.low_hz, among.high_hz, among.teeth, among.parts,
+        LOG_FACTORIAL, best,
+    )  # fmt: skip
+    carrier_hz, spacing_hz, tried = best.tolist()
+    return _Found(carrier_hz, spacing_hz, evidence, tried, among.teeth)
+
+
+def _best_comb(lines: Lines, without: int, found: _Found, ranges: list[_Range]) -> float:
+    """Log odds of the best comb of all lines but one: of any, or of the sidebands' spacing with as many tried."""
+    spectrum = lines.frequency_hz, lines.tolerance_hz, without
+    highest_hz = lines.frequency_hz.max()
+    alike = kernel.comb_of(*spectrum, found.spacing_hz, found.teeth, LOG_FACTORIAL) - found.tried
+    others = (
+        kernel.best_comb(*spectrum, among.low_hz, min(among.high_hz, highest_hz), among.teeth, LOG_FACTORIAL)
+        for among in ranges
+    )
+    return float(max(alike, *others))

@@ -1,0 +1,110 @@
+"""Vibrations with sidebands and combs as explanations of lines, against naive twins."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import gammaln
+
+from chatter_monitor.kernels import sidebands as kernel
+from tests import naive
+
+FACTORIALS = gammaln(np.arange(30) + 1.0)
+MULTIPLES = np.arange(-200, 201)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_crests_beside_stronger_ones_are_those_of_the_twin(seed):
+    """Beside a line with skirts, at the edges, in noise: the same bins as by the plain definition."""
+    power = np.random.default_rng(seed).exponential(size=1000)
+    power += 1e6 / (1.0 + np.abs(np.arange(1000) - 500.0)) ** 4
+    power[[0, 1, 5, 470, 530, 980, 998, 999]] += np.array([300, 40, 300, 40, 300, 40, 300, 300])
+    peaks = np.empty(len(power), np.int64)
+    for factor, lowest, least in ((4.0, 0, 0.0), (4.0, 3, 0.0), (17.0, 0, 0.0), (17.0, 0, 200.0)):
+        count = kernel.crests_beside(power, factor, lowest, least, peaks)
+        expected = naive.crests_beside(power, factor, lowest, least)
+        assert len(expected) > 1
+        assert peaks[:count].tolist() == expected
+
+
+def family(seed):
+    """A vibration with sidebands, its double with some, forced lines at their spacing, and others; the first is it."""
+    rng = np.random.default_rng(seed)
+    spacing = rng.uniform(60.0, 120.0)
+    carrier = (rng.integers(8, 12) + rng.uniform(0.38, 0.46)) * spacing
+    hertz = [
+        carrier + spacing * np.array([0, -2, -1, 1, 2, 3, -4]),
+        2.0 * carrier + spacing * np.array([-1, 0, 2]),
+        spacing * np.array([1, 2, 5]),
+        rng.uniform(50.0, 5000.0, 3),
+    ]
+    hertz = np.concatenate(hertz)
+    off = 0.3 + 3e-4 * hertz
+    return carrier, spacing, hertz + 0.3 * off * rng.uniform(-1.0, 1.0, len(hertz)), off
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_best_sidebands_are_those_that_are_there(seed):
+    """Vibration and spacing are found to a tolerance, and their odds are the twin's."""
+    carrier, spacing, hertz, off = family(seed)
+    best = np.empty(3)
+    evidence = kernel.best_sidebands(hertz, off, 1, 5.0, math.inf, 1, 3, FACTORIALS, best)
+    assert best[:2] == pytest.approx([carrier, spacing], abs=0.3)
+    at = best[1] * MULTIPLES
+    sidebands = np.concatenate([best[0] + at, 2.0 * best[0] + at])
+    expected = naive.explained(hertz[1:], off[1:], (at[at > 0.0], best[1]), (sidebands, 0.5 * best[1]))
+    assert evidence + best[2] == pytest.approx(expected)
+    assert math.log(50.0) < best[2] < math.log(3 * 3 * len(hertz))
+    narrow = kernel.best_sidebands(hertz, off, 1, 0.99 * spacing, 1.01 * spacing, 1, 1 << 30, FACTORIALS, best)
+    assert evidence < narrow < expected
+
+
+def test_more_is_said_by_lines_of_the_teeth():
+    """With three teeth told, a line at a multiple of their passing, off the vibration, is three times rarer."""
+    hertz = 1003.0 + 30.0 * np.array([0.0, 3.0, 6.0, -3.0, -9.0, 1.0])
+    off, best = np.full(6, 0.5), np.empty(3)
+    told, blind = (
+        kernel.best_sidebands(hertz, off, 1, 29.9, 30.1, teeth, 1 << 30, FACTORIALS, best) for teeth in (3, 1)
+    )
+    assert told - blind == pytest.approx(3.0 * math.log(3.0))  # of the four, the rarest made the spacing
+
+
+def test_a_multiple_of_the_spacing_is_none():
+    """Nor is what is near one, in tolerances and relatively: a speed that wanders blurs high multiples."""
+    assert kernel.is_clear(605.0, 60.0, 0.3)
+    assert not kernel.is_clear(604.0, 60.0, 0.3)
+    assert not kernel.is_clear(605.0, 60.0, 0.5)
+    assert kernel.is_clear(125.0, 60.0, 0.3)
+
+
+def twin_of_a_comb(hertz, off, spacing, teeth):
+    """Odds of lines that are multiples of the rotation, those of the teeth counted apart: fitted to those near one."""
+    rotation = spacing / teeth
+    order = np.round(hertz / rotation)
+    near = (order > 0) & (np.abs(hertz - order * rotation) <= 2.0 * off)
+    weight = off[near] ** -2.0
+    rotation = np.sum(weight * order[near] * hertz[near]) / np.sum(weight * order[near] ** 2)
+    multiples = np.arange(1, 2000)
+    at_teeth = multiples % teeth == 0
+    sets = [(rotation * multiples[at_teeth], rotation * teeth)]
+    if teeth > 1:
+        sets.append((rotation * multiples[~at_teeth], rotation * teeth / (teeth - 1)))
+    return naive.explained(hertz, off, *sets)
+
+
+@pytest.mark.parametrize("teeth", [1, 2, 4])
+def test_a_comb_of_teeth_with_its_rotation_is_that_of_the_twin(teeth):
+    """Whatever the number of teeth; among all that there may be it is found, but for what the search costs."""
+    rng = np.random.default_rng(teeth)
+    hertz = 31.0 * np.concatenate([teeth * np.arange(1, 7), np.arange(1, teeth)])
+    hertz = np.concatenate([hertz + 0.1 * rng.uniform(-1.0, 1.0, len(hertz)), rng.uniform(50.0, 3000.0, 3)])
+    off = 0.3 + 3e-4 * hertz
+    expected = max(twin_of_a_comb(hertz, off, 31.0 * teeth, t) for t in range(1, kernel.MOST_TEETH + 1))
+    assert kernel.comb_of(hertz, off, -1, 31.0 * teeth, 1, FACTORIALS) == pytest.approx(expected)
+    tried = math.log(6 * sum(math.floor(f / 5.0) for f in hertz))
+    best = kernel.best_comb(hertz, off, -1, 5.0, hertz.max(), 1, FACTORIALS)
+    assert expected - tried <= best < expected
+    least = kernel.best_comb(hertz, off, 2, 5.0, hertz.max(), 1, FACTORIALS)
+    assert least < best - 2.0  # without one of its lines
