@@ -18,7 +18,7 @@ from numba import types
 from numba.core import cgutils
 from numba.core.datamodel import models
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import lower_builtin, lower_cast, register_model
+from numba.extending import lower_builtin, lower_cast, register_model, type_callable
 
 DOUBLE = ir.DoubleType()
 BIT = ir.IntType(1)
@@ -179,6 +179,39 @@ def floor(typing_context, x):
 def spread(typing_context, number, like):
     """A number in as many lanes as another value has."""
     return like(like, like), lambda _, builder, sig, args: args[0]
+
+
+def part(array: Any, begin: int, end: int) -> Any:
+    """``array[begin:end]`` of a C-contiguous array, which has to have all of these rows.
+
+    A slice begins where the array ends, if that is sooner. So the compiler knows where none of them begins, has to
+    suppose that they overlap, and fetches again what it has just put elsewhere.
+    """
+    return array[begin:end]
+
+
+@type_callable(part)
+def _type_part(context: Any) -> Any:
+    return lambda array, begin, end: array if isinstance(array, types.Array) and array.layout == "C" else None
+
+
+@lower_builtin(part, types.Array, types.Integer, types.Integer)
+def _lower_part(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    given = context.make_array(sig.args[0])(context, builder, args[0])
+    view = context.make_array(sig.args[0])(context, builder)
+    begin, end = (
+        context.cast(builder, row, kind, types.intp) for row, kind in zip(args[1:], sig.args[1:], strict=True)
+    )
+    rows = items = builder.sub(end, begin)
+    beside = cgutils.unpack_tuple(builder, given.shape)[1:]
+    for size in beside:
+        begin, items = builder.mul(begin, size), builder.mul(items, size)
+    view.shape = cgutils.pack_array(builder, [rows, *beside])
+    view.strides, view.itemsize = given.strides, given.itemsize
+    view.nitems = items
+    view.data = builder.gep(given.data, [begin], inbounds=True)
+    view.meminfo, view.parent = given.meminfo, given.parent
+    return view._getvalue()
 
 
 @intrinsic(prefer_literal=True)

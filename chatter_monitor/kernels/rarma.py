@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numba.extending import register_jitable
 
-from chatter_monitor.kernels.lanes import bits, floor, fma, larger, select, smaller, spread
+from chatter_monitor.kernels.lanes import bits, floor, fma, larger, part, select, smaller, spread
 from chatter_monitor.kernels.options import EXACT, OPTIONS
 from chatter_monitor.kernels.polynomial import all_roots, is_minimum_phase, multiply_out
 from chatter_monitor.kernels.udu import distrust, mean_variance, udu_update
@@ -114,13 +114,13 @@ def parts(p, q, memory):
     n, learned, regressors = p + q, learned_rows(p, q), q + max(p, q)
     heard = learned + HEARD
     return RarmaState(
-        theta=memory[:n],
-        d=memory[n : 2 * n],
-        u=memory[2 * n : learned - LEVELS],
-        level=memory[learned - LEVELS : learned],
-        heard=memory[learned:heard],
-        phi=memory[heard : heard + regressors],
-        psi=memory[heard + regressors : heard + 2 * regressors],
+        theta=part(memory, 0, n),
+        d=part(memory, n, 2 * n),
+        u=part(memory, 2 * n, learned - LEVELS),
+        level=part(memory, learned - LEVELS, learned),
+        heard=part(memory, learned, heard),
+        phi=part(memory, heard, heard + regressors),
+        psi=part(memory, heard + regressors, heard + 2 * regressors),
     )
 
 

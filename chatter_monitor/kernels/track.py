@@ -11,7 +11,8 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels import odp, poles, rarma, udu
-from chatter_monitor.kernels.lanes import as_lanes, bits, floor, select, spread
+from chatter_monitor.kernels.lanes import as_lanes, floor, part, select, spread
+from chatter_monitor.kernels.odp import TILE
 from chatter_monitor.kernels.options import EXACT
 
 # What a mode's values stand for; the same numbers as `chatter_monitor.records.ModeStatus`.
@@ -40,10 +41,12 @@ class Recursions(NamedTuple):
         How many of them are left, and begun after how many; where the next result goes.
     together : ndarray of int64, shape (lanes,)
         Work space: who goes side by side.
-    samples, shown : ndarray of float64, shape (TILE,), (modes TILE,)
-        Work space: a tile of samples, and of what the values of each mode stand for.
+    samples, meaning, shown : ndarray of float64, shape (TILE,), (TILE,), (modes TILE,)
+        Work space: a tile of samples, of what their values stand for, and of what those of each mode do.
     tile : ndarray of float64
         Work space (`odp`).
+    stretch : Stretch
+        Work space.
     c, zeros, search : ndarray, ndarray, Search
         Work space of single lanes (`rarma.Work`, `poles.Search`).
     """
@@ -57,8 +60,10 @@ class Recursions(NamedTuple):
     together: np.ndarray
     side: np.ndarray
     samples: np.ndarray
+    meaning: np.ndarray
     shown: np.ndarray
     tile: np.ndarray
+    stretch: poles.Stretch
     c: np.ndarray
     zeros: np.ndarray
     search: poles.Search
@@ -71,6 +76,7 @@ def new_state(p: int, q: int, forgetting: np.ndarray, rate: np.ndarray, longest:
     memory = np.zeros((len(rate), rows))
     for state, factor in zip(memory, forgetting, strict=True):
         rarma.begin(p, q, state)
+        poles.begin(p, state[learned:-1])
         state[-1] = factor
     return Recursions(
         memory=memory,
@@ -81,9 +87,11 @@ def new_state(p: int, q: int, forgetting: np.ndarray, rate: np.ndarray, longest:
         filled=np.zeros(len(rate), np.int64),
         together=np.zeros(LANES, np.int64),
         side=np.zeros((rows + _work_rows(p, q), LANES)),
-        samples=np.zeros(odp.TILE),
-        shown=np.zeros(p // 2 * odp.TILE),
+        samples=np.zeros(TILE),
+        meaning=np.zeros(TILE),
+        shown=np.zeros(p // 2 * TILE),
         tile=odp.new_tile(p),
+        stretch=poles.new_stretch(p),
         c=np.zeros(q),
         zeros=np.zeros((2, q), dtype=np.complex128),
         search=poles.new_search(p),
@@ -112,6 +120,17 @@ def _choose(state):
     return count
 
 
+@njit(forceinline=True, **EXACT)
+def _interpret(p, meaning, factors, shown):
+    """Fill in what the values of each mode stand for; there are none while the model starts. Rows of a tile."""
+    meaning, factors, shown = as_lanes(meaning, TILE), as_lanes(factors, TILE), as_lanes(shown, TILE)
+    starting = meaning[0] == STARTING
+    for m in range(p // 2):
+        b, c = factors[2 * m], factors[2 * m + 1]
+        shown[m] = select(starting | (b * b < 4.0 * c), meaning[0], REAL_PAIR)
+        factors[2 * m] = select(starting, math.nan, b)
+
+
 @njit(inline="always", **EXACT)
 def recurse(p, q, lanes, state, out):
     """Run recursions through the samples that are left to them and fill in the ODPs of every one.
@@ -131,18 +150,24 @@ def recurse(p, q, lanes, state, out):
     together, taken, filled = state.together, state.taken, state.filled
     modes, n = p // 2, p + q
     rows = rarma.rows(p, q)
-    known = rows + p  # whether the factors are
     end = rows + poles.rows(p)
     gain = end + 1
     scratch = gain + n
     learned = scratch + q + 1
     numbers = state.side[:gain]
     memory = as_lanes(state.side, lanes)
-    model, factors = rarma.parts(p, q, memory), poles.parts(p, memory[rows:end])
-    work = rarma.Work(memory[gain:scratch], memory[scratch:learned], memory[learned:], state.c, state.zeros)
-    coefficients, behind = model.theta[q:], (numbers[q:n], numbers[rows:known], numbers[known:end])
-    samples, shown, tile = as_lanes(state.samples, lanes), as_lanes(state.shown, lanes), as_lanes(state.tile, lanes)
-    tall = odp.TILE // lanes
+    model, followed = rarma.parts(p, q, memory), poles.parts(p, part(memory, rows, end))
+    work = rarma.Work(
+        gain=part(memory, gain, scratch),
+        scratch=part(memory, scratch, learned),
+        learned=part(memory, learned, memory.shape[0]),
+        c=state.c,
+        zeros=state.zeros,
+    )
+    samples, meaning, tile = as_lanes(state.samples, lanes), as_lanes(state.meaning, lanes), as_lanes(state.tile, lanes)
+    coefficients, asked = as_lanes(state.stretch.coefficients, lanes), as_lanes(state.stretch.asked, lanes)
+    factors = part(state.tile, odp.factor_row(0), odp.factor_row(modes))
+    tall = TILE // lanes
     count = _choose(state)
     while count > 0:
         for row in range(gain):
@@ -150,8 +175,11 @@ def recurse(p, q, lanes, state, out):
                 numbers[row, lane] = state.memory[together[lane], row]
         forgetting = memory[end]
         full = floor(1.0 / (1.0 - forgetting))
-        for begin in range(0, count, tall):
-            size = min(tall, count - begin)
+        begin = 0
+        while begin < count:
+            size = count - begin
+            for lane in range(lanes):
+                size = min(size, tall - int(numbers[end - 1, lane]))  # to the end of a stretch
             for lane in range(lanes):
                 k = together[lane]
                 for t in range(size):
@@ -160,24 +188,21 @@ def recurse(p, q, lanes, state, out):
                 adapted = rarma.step(p, q, samples[t], model, memory, work, numbers, forgetting)
                 adaptations = model.level[rarma.ADAPTED]
                 starting = adaptations < rarma.SAMPLES_PER_COEFFICIENT * n
-                wanted = adapted & ~starting
-                if bits(wanted):
-                    factors.known[0] = select(wanted & (adaptations == full), 0.0, factors.known[0])
-                    poles.follow(p, coefficients, factors, wanted, behind, state.search)
-                for m in range(modes):
-                    b = factors.factors[2 * m]
-                    c = factors.factors[2 * m + 1]
-                    place = odp.factor_row(m) // lanes + t
-                    tile[place] = select(starting, math.nan, b)
-                    tile[place + tall] = c
-                    meaning = select(b * b < 4.0 * c, select(adapted, OSCILLATORY, spread(HELD, b)), REAL_PAIR)
-                    shown[m * tall + t] = select(starting, STARTING, meaning)
+                near = select(adaptations == full, poles.AFRESH, spread(poles.NEAR, forgetting))
+                asked[t] = select(adapted & ~starting, near, poles.NOTHING)
+                meaning[t] = select(starting, STARTING, select(adapted, OSCILLATORY, spread(HELD, forgetting)))
+                for i in range(p):
+                    coefficients[i * tall + t] = model.theta[q + i]
                 scale = model.level[rarma.SCATTER] * model.level[rarma.WINDOW_SQUARED] / model.level[rarma.WINDOW]
                 for j in range(p):
                     place = odp.covariance_row(p, j) // lanes + t
                     for i in range(j):
                         tile[place + i * tall] = model.u[udu.column(q + j) + q + i]
                     tile[place + j * tall] = scale * model.d[q + j]
+            for t in range(size, tall):
+                asked[t] = spread(poles.NOTHING, forgetting)
+            poles.follow(p, lanes, size, followed, numbers[rows:end], state.stretch, factors, state.search)
+            _interpret(p, state.meaning, factors, state.shown)
             for m in range(modes):
                 odp.evaluate(p, m, state.tile)
                 for lane in range(lanes):
@@ -190,7 +215,8 @@ def recurse(p, q, lanes, state, out):
                         damping[k, m, row + t] = state.tile[odp.DAMPING + i]
                         frequency_sd[k, m, row + t] = state.tile[odp.OMEGA_SD + i] * hertz
                         damping_sd[k, m, row + t] = state.tile[odp.DAMPING_SD + i]
-                        status[k, m, row + t] = int(state.shown[m * odp.TILE + i])
+                        status[k, m, row + t] = int(state.shown[m * TILE + i])
+            begin += size
         for lane in range(lanes):
             k = together[lane]
             if lane == 0 or k != together[0]:

@@ -22,6 +22,21 @@ def udu_update(n, u, d, psi, gain, noise, growth):
     On return ``gain`` holds P psi (before the update); the result is ``noise + psi' P psi``, so that the Kalman gain is
     their quotient. Then P <- (P - gain gain' / result) growth.
     """
+    return _of_seven(u, d, psi, gain, noise, growth) if n == 7 else _update(n, u, d, psi, gain, noise, growth)
+
+
+@njit(forceinline=True, **EXACT)
+def _of_seven(u, d, psi, gain, noise, growth):
+    """`udu_update` of the paper's seven coefficients.
+
+    A kernel is optimised by itself before it becomes part of another. In one that knows the number all loops are
+    unrolled; learned later, it is too late for that.
+    """
+    return _update(7, u, d, psi, gain, noise, growth)
+
+
+@njit(forceinline=True, **EXACT)
+def _update(n, u, d, psi, gain, noise, growth):
     total = noise
     inverse = 1.0 / noise
     for j in range(n):

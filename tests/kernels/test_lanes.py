@@ -8,7 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels import track
-from chatter_monitor.kernels.lanes import as_lanes, bits, floor, fma, larger, select, smaller, spread
+from chatter_monitor.kernels.lanes import as_lanes, bits, floor, fma, larger, part, select, smaller, spread
 from chatter_monitor.kernels.options import EXACT
 from tests.kernels.test_rarma import FORGETTING, RATE, cut
 
@@ -50,6 +50,30 @@ def test_lanes_compute_as_numpy_does() -> None:
     ]  # fmt: skip
     np.testing.assert_allclose(out, expected, rtol=0.0, atol=1e-15)
     assert [below >> lane & 1 for lane in range(8)] == (x < y).tolist()
+
+
+@njit(**{**EXACT, "cache": False})
+def _double(numbers: NDArray[np.float64], table: NDArray[np.float64]) -> None:
+    """Part of a part of a row of lanes, and rows of a table."""
+    row = part(part(as_lanes(numbers, 2), 1, 4), 1, 3)
+    for i in range(row.shape[0]):
+        row[i] = row[i] + row[i]
+    rows = part(table, 1, 3)
+    for i in range(rows.shape[0]):
+        rows[i, 1] *= 2.0
+
+
+def test_a_part_is_what_a_slice_is() -> None:
+    """Of lanes and of rows of a table, within kernels and outside."""
+    numbers, table = np.arange(12.0), np.arange(8.0).reshape(4, 2)
+    wanted, wanted_table = numbers.copy(), table.copy()
+    wanted[4:8] *= 2.0
+    wanted_table[1:3, 1] *= 2.0
+    _double(numbers, table)
+    np.testing.assert_array_equal(numbers, wanted)
+    np.testing.assert_array_equal(table, wanted_table)
+    assert part(numbers, 2, 5).base is numbers
+    np.testing.assert_array_equal(part(numbers, 2, 5), numbers[2:5])
 
 
 @pytest.mark.parametrize(("p", "q"), [(4, 3), (6, 2)])
