@@ -222,13 +222,23 @@ def survey(p, q, first, begin, state, frequencies, powers):
         rows = filled[k] - shown
         for m in range(p // 2):
             powers[k, m] = state.shares[k, m] * recursion.heard[rarma.POWER]
-            known = 0
-            for row in range(shown, filled[k]):
-                frequency = state.columns.frequency[k, m, row]
-                if state.columns.status[k, m, row] != STARTING and not math.isnan(frequency):
-                    state.values[known] = frequency
-                    known += 1
+            known = _known(state.columns.frequency[k, m, shown : filled[k]], state.values)
             frequencies[k, m] = median_of_many(state.values[:known]) if 2 * known > rows else math.nan
+
+
+@njit(**OPTIONS)
+def _known(frequencies, values):
+    """Copy frequencies but for those that are NaN, as while the model starts; return how many."""
+    known = 0
+    for i in range(frequencies.shape[0]):
+        values[i] = frequencies[i]
+        known += not math.isnan(frequencies[i])
+    if known < frequencies.shape[0]:
+        known = 0
+        for i in range(frequencies.shape[0]):
+            values[known] = frequencies[i]
+            known += not math.isnan(frequencies[i])
+    return known
 
 
 @njit(**OPTIONS)

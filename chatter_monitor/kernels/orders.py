@@ -226,14 +226,23 @@ def subtract(samples, state, corner, out):
         What changes slower than this, in radians per sample, is offset: nothing is learned from it.
     """
     counts, tile, angle = state.counts, state.tile, state.angle
-    for t in range(samples.shape[0]):
-        if counts[POSITION] == 0:
+    begin = 0
+    while begin < samples.shape[0]:
+        first = counts[POSITION]
+        if first == 0:
             _predict(state)
-        out[t] = samples[t] - tile[PREDICTION, counts[POSITION]]
-        if abs(out[t]) < np.inf:
-            angle[OFFSET] += corner * (out[t] - angle[OFFSET])
-        tile[SAMPLES, counts[POSITION]] = samples[t] - angle[OFFSET]
-        counts[POSITION] += 1
+        size = min(TILE - first, samples.shape[0] - begin)
+        offset = angle[OFFSET]
+        for i in range(size):
+            sample = samples[begin + i]
+            residual = sample - tile[PREDICTION, first + i]
+            out[begin + i] = residual
+            if abs(residual) < np.inf:
+                offset += corner * (residual - offset)
+            tile[SAMPLES, first + i] = sample - offset
+        angle[OFFSET] = offset
+        begin += size
+        counts[POSITION] += size
         if counts[POSITION] == TILE:
             _correct(state)
             _fold(state)

@@ -47,18 +47,19 @@ def modal_shares(p, q, theta, factors, roots, shares):
                 continue
             inside = complex(1.0, 0.0)
             outside = complex(1.0, 0.0)
-            down = 1.0 / mu
+            inverse = 1.0 / mu
+            down = inverse
             up = mu
             for k in range(q):
                 inside += theta[k] * down
                 outside += theta[k] * up
-                down /= mu
+                down *= inverse
                 up *= mu
             denominator = complex(1.0, 0.0)
             for k in range(p):
                 denominator *= 1.0 - roots[k] * mu
                 if k != i:
-                    denominator *= 1.0 - roots[k] / mu
+                    denominator *= 1.0 - roots[k] * inverse
             if denominator != 0.0:
                 power += (inside * outside / denominator).real
         shares[m] = max(power, 0.0)

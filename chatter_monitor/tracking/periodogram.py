@@ -110,7 +110,7 @@ class AveragedPeriodogram:
         self._end += self._hop
         self._filled = 0
         window = self._recent[self._end - self._segment : self._end]
-        self._complete = self._since_missing >= self._segment and bool(window.any())
+        self._complete = self._since_missing >= self._segment and bool(window[-1] or window.any())
         if self._complete:
             np.multiply(self._window, window, out=self._windowed)
         return self._complete

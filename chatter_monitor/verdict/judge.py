@@ -52,7 +52,7 @@ class Judge:
     def verdict(self, evidence: Evidence, first_sample: int, samples: int, sample_rate_hz: float) -> Verdict:
         """Judge the next interval."""
         settings = self._settings
-        deaf = bool(evidence.flags & DEAF)
+        deaf = bool(evidence.flags) and bool(evidence.flags & DEAF)  # joining enumerations takes its time
         memory = self._hear(0.0 if deaf else evidence.rms)  # what is not to be trusted sets no level
         if memory.since_alarm < FRAMES_TO_RENEW:
             evidence = evidence._replace(margin=AFTER_CHATTER)
