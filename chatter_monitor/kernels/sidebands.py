@@ -23,6 +23,8 @@ OVERTONES = 2
 CLEAR, CLEAR_SHARE = 3.0, 0.006
 # Most teeth of a spindle. What a chip is thick varies from tooth to tooth, so that the rotation is heard between them.
 MOST_TEETH = 6
+# Two lines make an explanation; with less than so many nothing is explained.
+FEWEST = 4
 # A spacing that comes from two lines is so exact, in their tolerances; then it is fitted to all.
 ROUGHLY = 2.0
 
@@ -79,7 +81,7 @@ def best_sidebands(frequencies, tolerances, carriers, low, high, teeth, parts, f
     teeth : int
         Of the spindle whose rotation the range is about, as in `kernels.comb.surprise`.
     parts : int
-        The distance of a line from a multiple of the vibration's frequency is up to so many times the spacing.
+        The distance of a line from the vibration is up to so many times the spacing.
     factorials : ndarray of float64, shape (>= lines,)
         Logarithms of the factorials of the numbers from 0 on.
     best : ndarray of float64, shape (3,)
@@ -95,18 +97,19 @@ def best_sidebands(frequencies, tolerances, carriers, low, high, teeth, parts, f
     tried = 0
     for c in range(carriers):
         for i in range(frequencies.shape[0]):
-            for overtone in range(OVERTONES + 1):
-                distance = abs(frequencies[i] - overtone * frequencies[c])
-                first = max(1, math.ceil(distance / high))
-                for part in range(first, min(int(distance / low), first + parts - 1) + 1):
-                    carrier, spacing = _fitted(frequencies, tolerances, frequencies[c], distance / part)
-                    if not is_clear(carrier, spacing, tolerances[c]):
-                        continue
-                    tried += 1
-                    gain = _gain(frequencies, tolerances, c, carrier, spacing, teeth, factorials)
-                    if gain > evidence:
-                        evidence = gain
-                        best[0], best[1] = carrier, spacing
+            distance = abs(frequencies[i] - frequencies[c])
+            first = max(1, math.ceil(distance / high))
+            for part in range(first, min(int(distance / low), first + parts - 1) + 1):
+                hits, carrier, spacing = _fitted(frequencies, tolerances, frequencies[c], distance / part)
+                if not is_clear(carrier, spacing, tolerances[c]):
+                    continue
+                tried += 1
+                if hits < FEWEST:
+                    continue
+                gain = _gain(frequencies, tolerances, c, carrier, spacing, teeth, factorials)
+                if gain > evidence:
+                    evidence = gain
+                    best[0], best[1] = carrier, spacing
     best[2] = math.log(max(tried, 1))
     return evidence - best[2]
 
@@ -126,7 +129,7 @@ def best_comb(frequencies, tolerances, without, low, high, teeth, factorials):
         for multiple in range(max(1, math.ceil(frequencies[i] / high)), int(frequencies[i] / low) + 1):
             tried += most
             hits, spacing = _fitted_comb(frequencies, tolerances, without, frequencies[i] / multiple)
-            if hits < 3:
+            if hits < FEWEST - 1:  # one line makes a comb
                 continue
             for parts in range(1, most + 1):
                 gain = _gain_of_comb(frequencies, tolerances, without, spacing, teeth, parts, factorials)
@@ -194,11 +197,11 @@ def _away(hertz, spacing):
 
 
 @njit(**OPTIONS)
-def _place(hertz, tolerance, carrier, spacing):
-    """Of which multiples of the vibration's frequency and of the spacing a line is the sum; -1 for none."""
+def _place(hertz, tolerance, carrier, spacing, inverse):
+    """Of which multiples of the vibration's frequency and of the spacing (1 / ``inverse``) a line is; -1 for none."""
     for overtone in range(OVERTONES + 1):
         away = hertz - overtone * carrier
-        multiple = np.rint(away / spacing)
+        multiple = np.rint(away * inverse)
         if abs(away - multiple * spacing) <= tolerance and (overtone > 0 or multiple >= 1.0):
             return overtone, multiple
     return -1, 0.0
@@ -206,11 +209,14 @@ def _place(hertz, tolerance, carrier, spacing):
 
 @njit(**OPTIONS)
 def _fitted(frequencies, tolerances, carrier, spacing):
-    """Both frequencies by least squares over all lines that are roughly where they have them."""
+    """How many lines are roughly where these two have them, and both by least squares over those."""
+    hits = 0
+    inverse = 1.0 / spacing
     aa = ab = bb = ay = by = 0.0
     for i in range(frequencies.shape[0]):
-        overtone, multiple = _place(frequencies[i], ROUGHLY * tolerances[i], carrier, spacing)
+        overtone, multiple = _place(frequencies[i], ROUGHLY * tolerances[i], carrier, spacing, inverse)
         if overtone >= 0:
+            hits += 1
             weight = tolerances[i] ** -2.0
             aa += weight * overtone * overtone
             ab += weight * overtone * multiple
@@ -219,8 +225,8 @@ def _fitted(frequencies, tolerances, carrier, spacing):
             by += weight * multiple * frequencies[i]
     determinant = aa * bb - ab * ab
     if not determinant > 1e-9 * aa * bb:
-        return carrier, spacing
-    return (bb * ay - ab * by) / determinant, (aa * by - ab * ay) / determinant
+        return hits, carrier, spacing
+    return hits, (bb * ay - ab * by) / determinant, (aa * by - ab * ay) / determinant
 
 
 @njit(**OPTIONS)
@@ -228,8 +234,9 @@ def _gain(frequencies, tolerances, vibration, carrier, spacing, teeth, factorial
     """Log odds of a vibration with sidebands; multiples of the spacing go with them, as a forced comb does."""
     total = rarest = 0.0
     hits = forced = 0
+    inverse = 1.0 / spacing
     for i in range(frequencies.shape[0]):
-        overtone, multiple = _place(frequencies[i], tolerances[i], carrier, spacing)
+        overtone, multiple = _place(frequencies[i], tolerances[i], carrier, spacing, inverse)
         if i == vibration or overtone < 0:
             continue
         places = OVERTONES if overtone > 0 else 1

@@ -7,6 +7,7 @@ chance, and against a comb: of all lines, and of all but that at f, for a tone b
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -98,7 +99,7 @@ def find_sidebands(lines: Lines, slowest_hz: float, told: Target | None = None) 
     carrier_hz = float(lines.frequency_hz[carrier])
     if not kernel.is_clear(carrier_hz, found.spacing_hz, lines.tolerance_hz[carrier]):
         return None
-    if any(_best_comb(lines, without, found, ranges) > found.evidence - AHEAD for without in (NO_LINE, carrier)):
+    if any(comb > found.evidence - AHEAD for comb in _combs(lines, carrier, found, ranges)):
         return None
     return Sidebands(carrier_hz, lines.tolerance_hz[carrier].item(), found.spacing_hz, found.evidence)
 
@@ -113,13 +114,15 @@ def _best_sidebands(lines: Lines, among: _Range) -> _Found:
     return _Found(carrier_hz, spacing_hz, evidence, tried, among.teeth)
 
 
-def _best_comb(lines: Lines, without: int, found: _Found, ranges: list[_Range]) -> float:
-    """Log odds of the best comb of all lines but one: of any, or of the sidebands' spacing with as many tried."""
-    spectrum = lines.frequency_hz, lines.tolerance_hz, without
-    highest_hz = lines.frequency_hz.max()
-    alike = kernel.comb_of(*spectrum, found.spacing_hz, found.teeth, LOG_FACTORIAL) - found.tried
-    others = (
-        kernel.best_comb(*spectrum, among.low_hz, min(among.high_hz, highest_hz), among.teeth, LOG_FACTORIAL)
-        for among in ranges
-    )
-    return float(max(alike, *others))
+def _combs(lines: Lines, carrier: int, found: _Found, ranges: list[_Range]) -> Iterator[float]:
+    """Log odds of combs, of all lines and of all but one: of the sidebands' spacing with as many tried, then of any."""
+    frequency, tolerance = lines.frequency_hz, lines.tolerance_hz
+    for without in (NO_LINE, carrier):
+        alike = kernel.comb_of(frequency, tolerance, without, found.spacing_hz, found.teeth, LOG_FACTORIAL)
+        yield alike - found.tried
+    highest_hz = frequency.max()
+    for without in (NO_LINE, carrier):
+        for low_hz, high_hz, teeth, _ in ranges:
+            yield kernel.best_comb(
+                frequency, tolerance, without, low_hz, min(high_hz, highest_hz), teeth, LOG_FACTORIAL
+            )

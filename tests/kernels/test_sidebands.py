@@ -56,7 +56,7 @@ def test_the_best_sidebands_are_those_that_are_there(seed):
     sidebands = np.concatenate([best[0] + at, 2.0 * best[0] + at])
     expected = naive.explained(hertz[1:], off[1:], (at[at > 0.0], best[1]), (sidebands, 0.5 * best[1]))
     assert evidence + best[2] == pytest.approx(expected)
-    assert math.log(50.0) < best[2] < math.log(3 * 3 * len(hertz))
+    assert math.log(20.0) < best[2] < math.log(3 * len(hertz))
     narrow = kernel.best_sidebands(hertz, off, 1, 0.99 * spacing, 1.01 * spacing, 1, 1 << 30, FACTORIALS, best)
     assert evidence < narrow < expected
 
