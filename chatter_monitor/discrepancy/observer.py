@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,12 +124,20 @@ def observer(linear: Linear, rate_hz: float, knows_forces: bool = False) -> Obse
         case "velocity":
             Q = np.outer(begin + end, begin + end)
         case "acceleration" | "pressure":
-            size = linear.modes[0].omega ** 2  # of the force's state, so that all states are of one order
-            phi = np.block([[phi, size * begin[:, None]], [np.zeros((1, force.size + 1))]])
-            unit = np.append(size * end, 1.0)
+            size = linear.modes[0].omega ** 2  # of the force's states, so that all states are of one order
+            weights = unbent(linear.modes[0].omega * step_s)
+            now, *before = (begin * w + end * later for w, later in pairwise([*weights, 0.0]))
+            # Beside the machine's states: the random force of the last sample, then all force of those before it.
+            lags = len(before)
+            phi = np.block(
+                [[phi, size * np.column_stack([now, *before])], [np.zeros((1 + lags, force.size + 1 + lags))]]
+            )
+            phi[-lags:, -1 - lags : -1] = np.eye(lags)
+            unit = np.concatenate([size * end, [1.0], np.zeros(lags)])
             Q, intensity = np.outer(unit, unit), size**2 * step_s
-            H, tool = np.append(H, size * D), np.pad(tool, ((0, 0), (0, 1)))
-            begin, end = np.append(begin, 0.0), np.append(end, 0.0)
+            H, tool = np.pad(np.append(H, size * D), (0, lags)), np.pad(tool, ((0, 0), (0, 1 + lags)))
+            begin = np.pad(np.append(now, [0.0, 1.0 / size]), (0, lags - 1))
+            end = np.pad(end, (0, 1 + lags))
     variance = float(H @ linalg.solve_discrete_lyapunov(phi, Q) @ H)
     Q, intensity = Q / variance, intensity / variance
     ahead, S, K = _steady(phi, Q, H, max(linear.noise, LEAST_NOISE))
@@ -215,6 +224,28 @@ def _hold(A: Matrix, force: Matrix, step_s: float) -> tuple[Matrix, Matrix, Matr
     exponential = linalg.expm(big)
     constant, ramp = exponential[:n, n], exponential[:n, n + 1]
     return exponential[:n, :n].copy(), constant - ramp, ramp.copy()
+
+
+def unbent(turn: float) -> Vector:
+    """Weights of a force at a sample and at the three before; straight lines then join what they add up to.
+
+    Straight lines through the samples of a vibration have a share sinc(turn / 2)^2 of its amplitude (1.7 % are lost at
+    14 samples a period). The weights give back what the mode's frequency loses, without any phase, and leave a constant
+    force as it is. That of the newest sample stays 1: see docs/decisions/0066-straight-lines-lose-amplitude.md.
+
+    Parameters
+    ----------
+    turn : float
+        Angle of the mode's vibration per sample, rad.
+
+    Returns
+    -------
+    ndarray of float64, shape (4,)
+    """
+    lags = np.arange(1.0, 4.0)
+    lost = float(np.sinc(0.5 * turn / np.pi)) ** 2
+    given_back = np.linalg.solve([np.ones(3), np.cos(turn * lags), np.sin(turn * lags)], [0.0, 1.0 / lost - 1.0, 0.0])
+    return np.append(1.0, given_back)
 
 
 def _noise(A: Matrix, force: Matrix, step_s: float) -> Matrix:

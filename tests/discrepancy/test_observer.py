@@ -9,7 +9,7 @@ from scipy import stats
 
 from chatter_monitor.discrepancy.band import Recorded
 from chatter_monitor.discrepancy.innovations import Innovations
-from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.discrepancy.observer import Linear, observer, unbent
 from chatter_monitor.kernels.observer import (
     AFTER,
     AHEAD,
@@ -142,3 +142,28 @@ def test_a_delay_between_samples_takes_nothing_off_a_vibration():
         assert found == pytest.approx(np.sin(turn * (np.arange(40, 60) - delay)), abs=2e-3)
     assert delayed(x, 40, 1.5) == pytest.approx(0.5 * (x[38] + x[39]))
     assert delayed(x, 3, 5.0) == 0.0
+
+
+@pytest.mark.parametrize("quantity", ["acceleration", "pressure"])
+@pytest.mark.parametrize("samples_per_period", [8.0, 14.0, 40.0])
+def test_a_force_moves_the_tool_as_it_moves_the_machine(quantity, samples_per_period):
+    """A force that the observer knows is felt at the mode's frequency as a linear machine feels it, within 0.1 %."""
+    linear = Linear((Mode(400.0, 0.01),), quantity, 1e-3)
+    rate_hz = samples_per_period * 400.0
+    o = observer(linear, rate_hz)
+    z = np.exp(2j * np.pi * 400.0 / rate_hz)
+    state = np.linalg.solve(z * np.eye(o.gain.size) - o.transition, o.begin + z * o.end)
+    felt = o.output @ state + o.feed
+    at = np.array([400.0])
+    true = -(linear.receptance(at) * linear.sensed(at))[0]  # a positive force pushes back
+    assert abs(felt / true - 1.0) < 1e-3
+
+
+@pytest.mark.parametrize("turn", [1e-3, 0.449, 2.8])
+def test_straight_lines_are_made_up_for_at_the_mode_and_at_rest(turn):
+    """The weights are 1 at 0 Hz and for the newest sample, and undo what straight lines lose of that turn."""
+    weights = unbent(turn)
+    response = weights @ np.exp(-1j * turn * np.arange(4))
+    assert weights[0] == 1.0
+    assert weights.sum() == pytest.approx(1.0, abs=1e-9)
+    assert response == pytest.approx(1.0 / np.sinc(0.5 * turn / np.pi) ** 2, abs=1e-6)
