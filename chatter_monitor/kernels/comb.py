@@ -9,6 +9,8 @@ from chatter_monitor.kernels.median import median
 from chatter_monitor.kernels.options import EXACT, OPTIONS
 
 FLOOR_BINS = 128
+# Bins on either side of a line in which the noise beside it is heard: nearer than the sidebands of another line.
+BESIDE = 16
 # What a self-excited vibration brings along: multiples of its frequency, and sidebands on either side of each.
 OVERTONES = 3
 SIDEBANDS = 4
@@ -66,10 +68,38 @@ def crests(power, line_to_noise, lowest, scratch, peaks):
             lower = max(lower, scratch[i])
         threshold = line_to_noise * (0.5 * (lower + upper) / math.log(2.0))
         for b in range(max(begin, lowest, 1), min(begin + FLOOR_BINS, power.shape[0] - 1)):
-            if power[b] > threshold and power[b] > power[b - 1] and power[b] >= power[b + 1]:
+            if power[b] > threshold and _is_crest(power, b):
                 peaks[count] = b
                 count += 1
     return count
+
+
+@njit(**OPTIONS)
+def crests_beside(power, line_to_noise, lowest, least, peaks):
+    """As `crests`, beside stronger lines, too: the noise is the median of the `BESIDE` bins on either side.
+
+    What has less power than ``least`` does not count.
+    """
+    count = 0
+    last = power.shape[0] - 1
+    for b in range(max(lowest, 1), last):
+        if power[b] >= least and _is_crest(power, b):
+            # no more than half of them are louder, so the median is not
+            enough = power[b] * math.log(2.0) / line_to_noise
+            low, high = max(b - BESIDE, 0), min(b + BESIDE, last)
+            loud = 0
+            for i in range(low, high + 1):
+                loud += power[i] > enough
+            if 2 * loud <= high - low:
+                peaks[count] = b
+                count += 1
+    return count
+
+
+@njit(**OPTIONS)
+def _is_crest(power, b):
+    """Whether a bin is a local maximum; of equal ones the first is."""
+    return power[b] > power[b - 1] and power[b] >= power[b + 1]
 
 
 @njit(**OPTIONS)

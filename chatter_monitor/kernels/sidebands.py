@@ -14,8 +14,6 @@ from numba import njit
 
 from chatter_monitor.kernels.options import OPTIONS
 
-# Bins on either side of a line in which the noise beside it is heard: nearer than the sidebands of another line.
-BESIDE = 16
 # Multiples of the vibration's frequency that have sidebands; beside those there are multiples of the spacing itself.
 OVERTONES = 2
 # How far from any multiple of the spacing the vibration has to be: in tolerances, and relatively, for a speed that
@@ -27,43 +25,6 @@ MOST_TEETH = 6
 FEWEST = 4
 # A spacing that comes from two lines is so exact, in their tolerances; then it is fitted to all.
 ROUGHLY = 2.0
-
-
-@njit(**OPTIONS)
-def crests_beside(power, line_to_noise, lowest, least, peaks):
-    """Local maxima of a spectrum that stand out of the noise next to them, beside stronger lines, too.
-
-    Parameters
-    ----------
-    power : ndarray of float64, shape (n,)
-    line_to_noise : float
-        Least ratio of a maximum to the noise: the median of the bins beside it, of an exponential distribution.
-    lowest : int
-        First bin that counts.
-    least : float
-        Power below which nothing counts.
-    peaks : ndarray of int64, shape (n,)
-        The result: their bins.
-
-    Returns
-    -------
-    int
-        How many there are.
-    """
-    count = 0
-    last = power.shape[0] - 1
-    for b in range(max(lowest, 1), last):
-        if power[b] >= least and power[b] > power[b - 1] and power[b] >= power[b + 1]:
-            # no more than half of them are louder, so the median is not
-            enough = power[b] * math.log(2.0) / line_to_noise
-            low, high = max(b - BESIDE, 0), min(b + BESIDE, last)
-            loud = 0
-            for i in range(low, high + 1):
-                loud += power[i] > enough
-            if 2 * loud <= high - low:
-                peaks[count] = b
-                count += 1
-    return count
 
 
 @njit(**OPTIONS)
@@ -140,11 +101,11 @@ def best_comb(frequencies, tolerances, without, low, high, teeth, factorials):
 @njit(**OPTIONS)
 def comb_of(frequencies, tolerances, without, spacing, teeth, factorials):
     """Log odds against chance of the comb of this spacing alone, or of teeth so far apart and their rotation."""
-    _, rotation = _fitted_comb(frequencies, tolerances, without, spacing)
-    evidence = _gain_of_comb(frequencies, tolerances, without, rotation, teeth, 1, factorials)
-    for parts in range(2, MOST_TEETH + 1):
+    evidence = 0.0
+    for parts in range(1, MOST_TEETH + 1):
+        told = teeth if parts == 1 else 1
         _, rotation = _fitted_comb(frequencies, tolerances, without, spacing / parts)
-        evidence = max(evidence, _gain_of_comb(frequencies, tolerances, without, rotation, 1, parts, factorials))
+        evidence = max(evidence, _gain_of_comb(frequencies, tolerances, without, rotation, told, parts, factorials))
     return evidence
 
 

@@ -18,7 +18,6 @@ from scipy import fft
 from scipy.special import gammaln
 
 from chatter_monitor.kernels import comb as kernel
-from chatter_monitor.kernels.sidebands import crests_beside
 
 # Power of a line over the noise around it; noise alone reaches it about once in twenty spectra.
 LINE_TO_NOISE = 17.0
@@ -55,10 +54,13 @@ class Lines:
 
     def on(self, fundamental_hz: float) -> NDArray[np.bool_]:
         """Which lines are on multiples of a frequency."""
-        order = np.round(self.frequency_hz / fundamental_hz)
-        near = np.abs(self.frequency_hz - order * fundamental_hz) <= self.tolerance_hz
-        result: NDArray[np.bool_] = near & (order >= 1)
-        return result
+        return self.beside(0.0, fundamental_hz) & (np.round(self.frequency_hz / fundamental_hz) >= 1)
+
+    def beside(self, hertz: float, spacing_hz: float) -> NDArray[np.bool_]:
+        """Which lines are so many spacings from a frequency, any number of them."""
+        away = self.frequency_hz - hertz
+        near: NDArray[np.bool_] = np.abs(away - np.round(away / spacing_hz) * spacing_hz) <= self.tolerance_hz
+        return near
 
     def without(self, some: NDArray[np.bool_]) -> Lines:
         """The other lines."""
@@ -175,7 +177,8 @@ class Spectrum:
         """More lines, and fainter ones, that stand out of the noise next to them: beside stronger ones, too."""
         power = self._transform(pieces)
         least = FAINT * power[self._lowest :].max()
-        return self._apart(self._peaks[: crests_beside(power, LINE_TO_NOISE, self._lowest, least, self._peaks)], MANY)
+        count = kernel.crests_beside(power, LINE_TO_NOISE, self._lowest, least, self._peaks)
+        return self._apart(self._peaks[:count], MANY)
 
     def _transform(self, pieces: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
         """Power of a stretch in each bin."""

@@ -142,7 +142,10 @@ class CombFollower:
         return False
 
     def _check(self, harmonics: Harmonics, sidebands: Sidebands | None) -> None:
-        """Give up a comb that has not been one for too long; where the speed changes, it stays one."""
+        """Give up a comb that has a vibration with sidebands among its lines, or has not been one for too long.
+
+        Where the speed changes, it stays one.
+        """
         if sidebands is not None and not self._known and sidebands.on(harmonics.rotation_hz):
             self.harmonics = None
             return

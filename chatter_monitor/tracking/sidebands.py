@@ -17,7 +17,7 @@ from chatter_monitor.kernels import sidebands as kernel
 from chatter_monitor.tracking.comb import LOG_FACTORIAL, Lines, Target
 
 # Two lines are explained for certain, and two more are not enough.
-FEWEST = 5
+ENOUGH_LINES = 5
 # The vibration is one of so many of the strongest lines.
 CARRIERS = 4
 # Distances of lines from it are up to so many times the spacing; whatever times it, where that is told.
@@ -39,17 +39,12 @@ class Sidebands(NamedTuple):
 
     def of(self, lines: Lines) -> NDArray[np.bool_]:
         """Which lines are the vibration's, its overtone's, or sidebands of either."""
-        return self._beside(lines, self.carrier_hz) | self._beside(lines, 2.0 * self.carrier_hz)
+        return lines.beside(self.carrier_hz, self.spacing_hz) | lines.beside(2.0 * self.carrier_hz, self.spacing_hz)
 
     def on(self, fundamental_hz: float) -> bool:
         """Whether the vibration cannot be told from a multiple of a frequency."""
         order = self.carrier_hz / fundamental_hz
         return abs(order - round(order)) * fundamental_hz <= self.tolerance_hz
-
-    def _beside(self, lines: Lines, hertz: float) -> NDArray[np.bool_]:
-        order = (lines.frequency_hz - hertz) / self.spacing_hz
-        near: NDArray[np.bool_] = np.abs(order - np.round(order)) * self.spacing_hz <= lines.tolerance_hz
-        return near
 
 
 class _Range(NamedTuple):
@@ -84,7 +79,7 @@ def find_sidebands(lines: Lines, slowest_hz: float, told: Target | None = None) 
         The spindle, where its speed is told: the spacing may be that of its rotation or of its teeth, and a narrow
         range leaves less to chance.
     """
-    if len(lines.frequency_hz) < FEWEST:
+    if len(lines.frequency_hz) < ENOUGH_LINES:
         return None
     ranges = [_Range(slowest_hz, math.inf, 1, PARTS)]
     if told is not None and told.teeth is not None:
@@ -94,8 +89,7 @@ def find_sidebands(lines: Lines, slowest_hz: float, told: Target | None = None) 
     if found.evidence < ENOUGH:
         return None
     # of these lines each has the others as sidebands: the strongest gives them its name
-    multiple = (lines.frequency_hz - found.carrier_hz) / found.spacing_hz
-    carrier = int(np.argmax(np.abs(multiple - np.round(multiple)) * found.spacing_hz <= lines.tolerance_hz))
+    carrier = int(np.argmax(lines.beside(found.carrier_hz, found.spacing_hz)))
     carrier_hz = float(lines.frequency_hz[carrier])
     if not kernel.is_clear(carrier_hz, found.spacing_hz, lines.tolerance_hz[carrier]):
         return None

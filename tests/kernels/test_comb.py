@@ -22,6 +22,20 @@ def test_crests_are_those_of_the_twin(seed):
         np.testing.assert_array_equal(peaks[:count], expected)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_crests_beside_stronger_ones_are_those_of_the_twin(seed):
+    """Beside a line with skirts, at the edges, in noise: the same bins as by the plain definition."""
+    power = np.random.default_rng(seed).exponential(size=1000)
+    power += 1e6 / (1.0 + np.abs(np.arange(1000) - 500.0)) ** 4
+    power[[0, 1, 5, 470, 530, 980, 998, 999]] += np.array([300, 40, 300, 40, 300, 40, 300, 300])
+    peaks = np.empty(len(power), np.int64)
+    for factor, lowest, least in ((4.0, 0, 0.0), (4.0, 3, 0.0), (17.0, 0, 0.0), (17.0, 0, 200.0)):
+        count = kernel.crests_beside(power, factor, lowest, least, peaks)
+        expected = naive.crests_beside(power, factor, lowest, least)
+        assert len(expected) > 1
+        assert peaks[:count].tolist() == expected
+
+
 def test_crests_of_one_line_are_one():
     """Of lines in order of strength those too near a stronger one are left out, and no more are kept than wanted."""
     frequency = np.array([100.0, 101.0, 200.0, 99.0, 203.0, 300.0, 400.0])

@@ -15,20 +15,6 @@ FACTORIALS = gammaln(np.arange(30) + 1.0)
 MULTIPLES = np.arange(-200, 201)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_crests_beside_stronger_ones_are_those_of_the_twin(seed):
-    """Beside a line with skirts, at the edges, in noise: the same bins as by the plain definition."""
-    power = np.random.default_rng(seed).exponential(size=1000)
-    power += 1e6 / (1.0 + np.abs(np.arange(1000) - 500.0)) ** 4
-    power[[0, 1, 5, 470, 530, 980, 998, 999]] += np.array([300, 40, 300, 40, 300, 40, 300, 300])
-    peaks = np.empty(len(power), np.int64)
-    for factor, lowest, least in ((4.0, 0, 0.0), (4.0, 3, 0.0), (17.0, 0, 0.0), (17.0, 0, 200.0)):
-        count = kernel.crests_beside(power, factor, lowest, least, peaks)
-        expected = naive.crests_beside(power, factor, lowest, least)
-        assert len(expected) > 1
-        assert peaks[:count].tolist() == expected
-
-
 def family(seed):
     """A vibration with sidebands, its double with some, forced lines at their spacing, and others; the first is it."""
     rng = np.random.default_rng(seed)
