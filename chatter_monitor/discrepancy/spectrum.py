@@ -10,6 +10,7 @@ being a finding. Periodogram ordinates are exponentially distributed about S, so
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from chatter_monitor.kernels.density import add_noise, respond
 from chatter_monitor.physics.parts import Mode
 
 Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
 
 COLOURS = 4  # cosines of the colour
 COLOUR_SD = 0.3  # expected size of each, in nepers of power; tells colour from noise where both would do
@@ -198,19 +200,27 @@ class _Density:
         return response
 
 
-def log_density(linear: Linear, frequency_hz: Vector, nyquist_hz: float) -> Vector:
-    """Logarithm of the density of what a machine's sensor shows, up to the level of the force; shape (bins,).
+def log_densities(machines: Sequence[Linear], frequency_hz: Vector, nyquist_hz: float) -> Matrix:
+    """Logarithm of the density of what a sensor shows of some machines, up to the level of the force.
 
     Parameters
     ----------
-    linear : Linear
+    machines : sequence of Linear
+        They differ in nothing but their modes and the share of the noise.
     frequency_hz : ndarray of float64, shape (bins,)
         Over the whole band: it tells the share of the noise.
     nyquist_hz : float
+
+    Returns
+    -------
+    ndarray of float64, shape (machines, bins)
     """
     ones = np.ones(frequency_hz.size)
-    density = _Density(linear, Periodogram(frequency_hz, ones, ones, nyquist_hz), colours=0, fixed_modes=True)
-    return density(density.zero)
+    density = _Density(machines[0], Periodogram(frequency_hz, ones, ones, nyquist_hz), colours=0, fixed_modes=True)
+    found, level = np.empty((len(machines), frequency_hz.size)), np.zeros(frequency_hz.size)
+    for linear, row in zip(machines, found, strict=True):
+        add_noise(density.response(linear), density.step_hz, linear.noise / nyquist_hz, level, row)
+    return found
 
 
 def fit(spectrum: Periodogram, start: Linear, *, colours: int = COLOURS, fixed_modes: bool = False) -> SpectralFit:

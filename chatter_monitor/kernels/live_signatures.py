@@ -1,8 +1,9 @@
 """The observer of `kernels.observer`, some samples at a time, with the forces of many terms along the way.
 
 What a recording as a whole allows is left out here: the state is taken for known (no cubature about it), and the
-memory of a term makes one step where it makes several there. A few samples at a time go through stages, each of which
-is a loop over long rows: the motion, where on it forces are evaluated, each force, and all signatures side by side.
+memory of a term makes one step where it makes several there. No sample is missing. A few samples at a time go through
+stages, each of which is a loop over long rows: the motion, where on it forces are evaluated, each force, and all
+signatures side by side.
 """
 
 from typing import NamedTuple
@@ -11,9 +12,10 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.forces import call_force, call_row
+from chatter_monitor.kernels.lanes import as_lanes, fma
 from chatter_monitor.kernels.observer import NODES, SMOOTH, SUBSTEPS, Motion, about, delayed, node_of, on_step
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.signatures import carry, respond, whiten
+from chatter_monitor.kernels.signatures import GROUP, carry, respond, whiten
 
 FEW = 64  # samples that go through a stage together
 _ITERATIONS = 2  # of the predicted step with the forces that the observer knows
@@ -29,6 +31,7 @@ class Path(NamedTuple):
     known_memory: np.ndarray  # (m,)
     memory: np.ndarray  # (c,)
     past: np.ndarray  # (p,) displacements: FEW samples, and before them those of the longest delay
+    states: np.ndarray  # (n, 1 + FEW) predicted for each sample, of an observer that knows no forces
 
 
 class Along(NamedTuple):
@@ -54,6 +57,15 @@ class Answers(NamedTuple):
     ends: np.ndarray  # (1 + FEW rows,) p(k+1)
     states: np.ndarray  # (n, 1 + FEW rows) d(k)
     raw: np.ndarray  # (t - 1 + FEW rows,) s(k), the errors in their place
+
+
+class Summary(NamedTuple):
+    """What is made of some samples: errors (column 0) and `lanes` columns beside them, whitened."""
+
+    white: np.ndarray  # (FEW * lanes,) of the last FEW samples
+    products: np.ndarray  # (lanes * lanes,) of all columns, summed
+    sums: np.ndarray  # (lanes,)
+    errors: np.ndarray  # (n,)
 
 
 @njit(**OPTIONS)
@@ -99,7 +111,66 @@ def remembered(rate, p, x0, v0, x1, v1, lagged, angle, omega, z, step_s):
 
 
 @njit(**OPTIONS)
-def predict(observer, known, y, missing, first, path, along):
+def predict_linear(observer, closed, y, path, along):
+    """Predict FEW samples, each from those before; the observer knows no forces and no delay.
+
+    What waits for the sample before is d(k+1) = M d(k) + Phi K y(k) alone; the rest goes along rows.
+
+    Parameters
+    ----------
+    observer : Observer
+    closed : ndarray of float64, shape (n, n)
+        M, of `Response`.
+    y : ndarray of float64, shape (FEW,)
+    path : Path
+        Carried on.
+    along : Along
+        Its errors and motion are filled.
+    """
+    errors, motion, states, state, push = along.errors, along.motion, path.states, path.state, path.ahead
+    order = observer.gain.size
+    for i in range(order):
+        push[i] = 0.0
+        for j in range(order):
+            push[i] += observer.transition[i, j] * observer.gain[j]
+        states[i, 0] = state[i]
+    if order == 2:  # what each sample waits for need not go through memory
+        one, other = state[0], state[1]
+        for k in range(FEW):
+            first = push[0] * y[k] + closed[0, 0] * one + closed[0, 1] * other
+            other = push[1] * y[k] + closed[1, 0] * one + closed[1, 1] * other
+            one = first
+            states[0, k + 1], states[1, k + 1] = one, other
+    else:
+        for k in range(FEW):
+            for i in range(order):
+                total = push[i] * y[k]
+                for j in range(order):
+                    total += closed[i, j] * states[j, k]
+                states[i, k + 1] = total
+    for k in range(FEW):
+        errors[k] = y[k]
+    for i in range(order):
+        state[i] = states[i, FEW]
+        now = states[i]
+        for k in range(FEW):
+            errors[k] -= observer.output[i] * now[k]
+    for part in range(2):
+        known, ahead = (motion.x[0], motion.x[1]) if part == 0 else (motion.v[0], motion.v[1])
+        news = 0.0
+        for i in range(order):
+            news += observer.tool[part, i] * observer.gain[i]
+        for k in range(FEW):
+            known[k], ahead[k] = news * errors[k], 0.0
+        for i in range(order):
+            shows, now, following = observer.tool[part, i], states[i], states[i, 1:]
+            for k in range(FEW):
+                known[k] += shows * now[k]
+                ahead[k] += shows * following[k]
+
+
+@njit(**OPTIONS)
+def predict(observer, known, y, first, path, along):
     """Predict FEW samples, each from those before.
 
     Parameters
@@ -108,8 +179,6 @@ def predict(observer, known, y, missing, first, path, along):
     known : Forces
         Forces of the model.
     y : ndarray of float64, shape (FEW,)
-    missing : ndarray of bool, shape (FEW,)
-        Samples that are not to be used; their errors are 0.
     first : int
         Samples since the spindle's angle was 0.
     path : Path
@@ -130,7 +199,7 @@ def predict(observer, known, y, missing, first, path, along):
         predicted = observer.feed * late
         for i in range(order):
             predicted += observer.output[i] * state[i]
-        e = 0.0 if missing[k] else y[k] - predicted
+        e = y[k] - predicted
         errors[k] = e
         angle = turn * (first + k)
         lagged = lagged_next = 0.0
@@ -145,10 +214,10 @@ def predict(observer, known, y, missing, first, path, along):
             for j in range(count):
                 early += at_sample(known, j, x, v, lagged, angle, observer, path.known_memory[j])
             news = early - late
-            e -= 0.0 if missing[k] else observer.feed * news
+            e -= observer.feed * news
             for i in range(order):
                 state[i] += observer.end[i] * news
-                e -= 0.0 if missing[k] else observer.output[i] * observer.end[i] * news
+                e -= observer.output[i] * observer.end[i] * news
         x = v = 0.0
         for i in range(order):
             state[i] += observer.gain[i] * e
@@ -295,17 +364,9 @@ def put(row, lanes, column, values):
 
 
 @njit(**OPTIONS)
-def forces_of(observer, tried, linear, first, lanes, path, along, begins, ends):
-    """Displacement, velocity, both one delay ago, and the forces tried, along FEW samples: into columns 1, 2, 3, ...
-
-    Of the first four, `linear` are wanted.
-
-    As straight lines over the step that follows each sample; for a sensor that feels the force, at the sample as known,
-    and at the next one as predicted.
-    """
-    motion, omega, feels = along.motion, observer.omega, observer.feed != 0.0
-    for row in range(2 if feels else 1):
-        place(observer, motion, first, row, along.nodes[row])
+def motion_of(along, linear, lanes, begins, ends):
+    """Displacement, velocity, both one delay ago, at FEW samples and the next: `linear` of them, from column 1 on."""
+    motion = along.motion
     for row in range(2):
         columns = begins if row == 0 else ends
         put(columns, lanes, 1, motion.x[row])
@@ -313,6 +374,18 @@ def forces_of(observer, tried, linear, first, lanes, path, along, begins, ends):
         if linear > 2:
             put(columns, lanes, 3, motion.lagged[row])
             put(columns, lanes, 4, along.lagged_v[row])
+
+
+@njit(**OPTIONS)
+def forces_of(observer, tried, linear, first, lanes, path, along, begins, ends):
+    """Forces along FEW samples, each into a column, behind those of `motion_of`.
+
+    As straight lines over the step that follows each sample; for a sensor that feels the force, at the sample as known,
+    and at the next one as predicted.
+    """
+    motion, omega, feels = along.motion, observer.omega, observer.feed != 0.0
+    for row in range(2 if feels else 1):
+        place(observer, motion, first, row, along.nodes[row])
     for j in range(tried.rows.size):
         substeps, remembers = tried.substeps[j], tried.rates[j] != 0
         between = along.between[1 if remembers else 0]
@@ -333,8 +406,41 @@ def forces_of(observer, tried, linear, first, lanes, path, along, begins, ends):
     path.last[0], path.last[1] = motion.x[0, FEW - 1], motion.v[0, FEW - 1]
 
 
+@njit(**OPTIONS)
+def at_samples(tried, linear, lanes, omega, along, begins, ends):
+    """The same, but nearly: forces as they are at samples as known and as predicted, joined by straight lines."""
+    motion = along.motion
+    angle = along.nodes[0, 0, 3].ctypes.data  # of no use to a force that does not ask where the spindle is
+    for row in range(2):
+        x, v, lagged = motion.x[row].ctypes.data, motion.v[row].ctypes.data, motion.lagged[row].ctypes.data
+        for j in range(tried.rows.size):
+            call_row(
+                tried.rows[j], x, v, lagged, angle, omega, along.between[0].ctypes.data, parameters_of(tried, j), FEW,
+                along.force.ctypes.data,
+            )  # fmt: skip
+            put(begins if row == 0 else ends, lanes, 1 + linear + j, along.force)
+
+
+@njit(**OPTIONS)
+def sum_up(white, lanes, products, sums):
+    """Add products of the columns of FEW rows, and the columns themselves, to their sums."""
+    aside = lanes // GROUP
+    column = white
+    white, products, sums = as_lanes(white, GROUP), as_lanes(products, GROUP), as_lanes(sums, GROUP)
+    for group in range(aside):
+        total = sums[group]
+        for k in range(FEW):
+            total = total + white[k * aside + group]
+        sums[group] = total
+        for i in range(lanes):
+            total = products[i * aside + group]
+            for k in range(FEW):
+                total = fma(column[k * lanes + i], white[k * aside + group], total)
+            products[i * aside + group] = total
+
+
 @njit(cache=True, nogil=True)
-def watch(observer, known, tried, linear, response, y, missing, first, path, along, answers, white):
+def watch(observer, known, tried, nearly, linear, response, y, first, path, along, answers, summary):
     """Whitened prediction errors of the next samples, and whitened signatures beside them.
 
     Parameters
@@ -343,34 +449,50 @@ def watch(observer, known, tried, linear, response, y, missing, first, path, alo
     known : Forces
         Forces of the model.
     tried : Tried
+    nearly : bool
+        Whether forces are evaluated at samples alone: for those without a memory that do not ask for the spindle's
+        angle. Half of the work, and columns that are those of the forces but for their highest overtones.
     linear : int
         2, or 4 where the machine has a delay.
     response : Response
         Of the observer; a multiple of four of its taps follow the first.
     y : ndarray of float64, shape (n,)
         n is a multiple of FEW.
-    missing : ndarray of bool, shape (n,)
-        Samples that are not to be used; their errors are 0.
     first : int
         Samples since the spindle's angle was 0.
     path, answers : Path, Answers
         Carried on.
     along : Along
         Scratch.
-    white : ndarray of float, shape (n, lanes)
-        Filled with errors (column 0) and signatures: of displacement and velocity as forces, of the same one delay ago
-        if `linear` is 4, and of what is tried.
+    summary : Summary
+        Filled, with errors and signatures: of displacement and velocity as forces, of the same one delay ago if
+        `linear` is 4, and of what is tried.
     """
-    lanes = white.shape[1]
+    lanes = summary.sums.size
     few = FEW * lanes
+    without = known.forces.size == 0 and observer.delay == 0.0
+    begins, ends = answers.begins, answers.ends[lanes:]
+    newest = answers.raw[answers.raw.size - few :]
+    summary.products[:] = 0.0
+    summary.sums[:] = 0.0
     for at in range(0, y.size, FEW):
         part = slice(at, at + FEW)
-        predict(observer, known, y[part], missing[part], first + at, path, along)
+        if without:
+            predict_linear(observer, response.closed, y[part], path, along)
+        else:
+            predict(observer, known, y[part], first + at, path, along)
         carry(answers.ends, few)
         carry(answers.raw, few)
         for n in range(response.output.size):
             carry(answers.states[n], few)
-        forces_of(observer, tried, linear, first + at, lanes, path, along, answers.begins, answers.ends[lanes:])
-        respond(response, lanes, answers.begins, answers.ends, answers.states, answers.raw[answers.raw.size - few :])
-        put(answers.raw[answers.raw.size - few :], lanes, 0, along.errors)
-        whiten(response.taps, lanes, answers.raw, white[part].reshape(few))
+        motion_of(along, linear, lanes, begins, ends)
+        if nearly:
+            at_samples(tried, linear, lanes, observer.omega, along, begins, ends)
+        else:
+            forces_of(observer, tried, linear, first + at, lanes, path, along, begins, ends)
+        respond(response, lanes, begins, answers.ends, answers.states, newest)
+        put(newest, lanes, 0, along.errors)
+        whiten(response.taps, lanes, answers.raw, summary.white)
+        sum_up(summary.white, lanes, summary.products, summary.sums)
+        for k in range(FEW):
+            summary.errors[at + k] = summary.white[k * lanes]

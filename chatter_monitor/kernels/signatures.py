@@ -128,6 +128,11 @@ def respond(response, lanes, begins, ends, states, signature):
     """
     r, order, aside = response, response.output.size, lanes // GROUP
     begins, ends, signature = as_lanes(begins, GROUP), as_lanes(ends, GROUP), as_lanes(signature, GROUP)
+    if order == 2:
+        ones, others = as_lanes(states[0], GROUP), as_lanes(states[1], GROUP)
+        for group in range(aside):
+            respond_two(r, group, aside, begins, ends, ones, others, signature)
+        return
     for k in range(begins.size):
         begin, end, predicted = begins[k], ends[k], ends[k + aside]
         answer = r.feed[0] * end
@@ -138,6 +143,22 @@ def respond(response, lanes, begins, ends, states, signature):
             as_lanes(states[i], GROUP)[k + aside] = state
             answer = fma(r.output[i], as_lanes(states[i], GROUP)[k], answer)
         signature[k] = answer
+
+
+@njit(**OPTIONS)
+def respond_two(response, group, aside, begins, ends, ones, others, signature):
+    """The same for two numbers and one group of lanes: what each sample waits for need not go through memory."""
+    r = response
+    one, other = ones[group], others[group]
+    for k in range(group, begins.size, aside):
+        begin, end, predicted = begins[k], ends[k], ends[k + aside]
+        first = fma(r.known[0], begin, fma(r.ahead[0], predicted, r.before[0] * end))
+        second = fma(r.known[1], begin, fma(r.ahead[1], predicted, r.before[1] * end))
+        first = fma(r.closed[0, 1], other, fma(r.closed[0, 0], one, first))
+        second = fma(r.closed[1, 1], other, fma(r.closed[1, 0], one, second))
+        signature[k] = fma(r.output[1], other, fma(r.output[0], one, r.feed[0] * end))
+        one, other = first, second
+        ones[k + aside], others[k + aside] = one, other
 
 
 @njit(**OPTIONS)

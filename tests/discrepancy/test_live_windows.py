@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from chatter_monitor.discrepancy.live.shapes import of_another_mode
-from chatter_monitor.discrepancy.live.windows import FINE_BANDS, Blocks
+from chatter_monitor.discrepancy.live.windows import FINE_BANDS, Blocks, no_summary
 from chatter_monitor.discrepancy.observer import Linear
-from chatter_monitor.discrepancy.spectrum import log_density
+from chatter_monitor.discrepancy.spectrum import log_densities
 from chatter_monitor.physics.parts import Mode
 
 RATE_HZ = 3000.0
@@ -25,7 +25,10 @@ def blocks_of(rng: np.random.Generator, gains: list[np.ndarray | None], shapes: 
         rows = rng.standard_normal((SAMPLES, 3))
         if gain is not None:
             rows[:, 0] = np.fft.irfft(np.fft.rfft(rows[:, 0]) * gain, SAMPLES)
-        blocks.append(number * SAMPLES, rows)
+        summary = no_summary(3, SAMPLES)
+        summary.products[:] = (rows.T @ rows).reshape(-1)
+        summary.sums[:], summary.errors[:] = rows.sum(axis=0), rows[:, 0]
+        blocks.append(number * SAMPLES, summary, 3)
     return blocks
 
 
@@ -55,7 +58,8 @@ def test_a_weak_mode_tells_by_its_shape_what_all_bands_together_do_not(frequency
     at = (np.arange(FINE_BANDS) + 0.5) * width_hz
     added = Mode(frequency_hz, 0.02, (0.6 * 0.04 * frequency_hz**2 / abs(300.0**2 - frequency_hz**2)) ** 0.5)
     two = replace(MACHINE, modes=(*MACHINE.modes, added))
-    change = log_density(two, at, 0.5 * RATE_HZ) - log_density(MACHINE, at, 0.5 * RATE_HZ)
+    after, before = log_densities([two, MACHINE], at, 0.5 * RATE_HZ)
+    change = after - before
     gain = np.exp(0.5 * np.interp(np.fft.rfftfreq(SAMPLES, 1.0 / RATE_HZ), at, change))
     shapes = of_another_mode(MACHINE, RATE_HZ, FINE_BANDS)
     by_shape, without = (

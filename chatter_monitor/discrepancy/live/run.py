@@ -1,8 +1,8 @@
 """A signal through the observer of a base: its blocks, whether they have changed, and the forces that they name.
 
-Forces are most of the work, and most of them are much alike. Where they may rest, a few stand for all (`SCOUTS`), and
-name nothing: a window in which a little shows is gone through once more with all forces, and in the blocks that follow
-all are tried as long as anything shows.
+Forces are most of the work, and most of them are much alike. Where they may rest, a few stand for all (`SCOUTS`), in
+the newest part of each block, and name nothing: a window in which a little shows is gone through once more with all
+forces, and in the blocks that follow all are tried as long as anything shows.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import numpy as np
 
 from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.candidates import SHAPES, Candidate, candidates
-from chatter_monitor.discrepancy.live.decimate import CHUNK
 from chatter_monitor.discrepancy.live.found import Named, nonlinear
 from chatter_monitor.discrepancy.live.history import History
 from chatter_monitor.discrepancy.live.refit import Refit
@@ -37,9 +36,12 @@ SCOUTS = (
     ("energy_damping",),
     ("cutting_force_nonlinearity",),
 )
-# What shows, in one window: a force by itself, or a change. Chance does as much in one of some hundreds.
-STIR_NATS = 6.0
-STIR_P = 1e-3
+# What shows, in one window: a force by itself, or a change. Chance does as much in one of some thousands.
+STIR_NATS = 8.0
+STIR_P = 1e-4
+# Of a block, that scouts are tried in: with ten samples a period some two hundred periods, in which a machine whose
+# modes are fast shows no less than a slow one does in a whole block.
+NEWEST = 2048
 # Fewer shapes than a recording is searched for: the cost is paid at every sample.
 COARSE = {
     **SHAPES,
@@ -53,7 +55,7 @@ COARSE = {
 
 @dataclass(eq=False)
 class _Look:
-    """Signal that goes through the observer once more, for all forces in blocks that had only scouts."""
+    """Blocks that go through the observer once more, for all forces where there were only scouts."""
 
     stream: Stream
     position: int
@@ -68,10 +70,8 @@ class Run:
         The base.
     first : int
         Sample of the first block.
-    earliest : int
-        Sample to begin with if the observer takes longer than from there to settle.
     samples : int
-        Of a block; a multiple of CHUNK.
+        Of a block; a multiple of `FEW`.
     rate_hz : float
 
     Attributes
@@ -81,13 +81,13 @@ class Run:
         Whether forces may rest while nothing shows; at first they may not.
     samples : int
     position : int
-        Sample that comes next.
+        First sample of the block that comes next.
     blocks : Blocks
     named : dict of int to Named
         Missing forces, by the length of the window that shows them.
     """
 
-    def __init__(self, refit: Refit, first: int, earliest: int, samples: int, rate_hz: float) -> None:
+    def __init__(self, refit: Refit, first: int, samples: int, rate_hz: float) -> None:
         self.refit, self.samples = refit, samples
         base = refit.base
         size = scales(base.motion)
@@ -102,29 +102,45 @@ class Run:
         self._entries = [(c, [at[c.acts(i, size)] for i in c.linear]) for c in tried]
         self._units, self._scouts = [*units.values()], len(scouts)
         self._stream = self._new_stream()
-        self.position = max(first - self._stream.settles, earliest)
+        self.position = first
         shapes = of_another_mode(base.linear, rate_hz, FINE_BANDS)
-        self.blocks = Blocks(WINDOWS[-1], len(units), self._scouts, self._stream.linear, samples, shapes)
+        self.blocks = Blocks(WINDOWS[-1], len(units), self._scouts, self._stream.linear, self._newest, shapes)
+        self._little = self.blocks.little(STIR_P)
         self.named: dict[int, Named] = {}
         self.may_rest = False
         self._look: _Look | None = None
         self._count = self._stirs_until = 0
 
+    @property
+    def _newest(self) -> int:
+        """How much of a block scouts are tried in: all of it, where little would be left out."""
+        return NEWEST if 4 * self.samples > 5 * NEWEST else self.samples
+
+    @property
+    def looks_again(self) -> bool:
+        """Whether blocks wait to be gone through once more."""
+        return self._look is not None
+
     def advance(self, history: History) -> bool:
-        """One chunk on; whether it completes a block."""
-        if self._stream.begins:
-            self._stream.try_all(not self.may_rest or self._count < self._stirs_until)
-        rows, self.position = _through(self._stream, history, self.position)
-        if rows is None:
+        """One block on; whether it counts."""
+        first, self.position = self.position, self.position + self.samples
+        rests = self.may_rest and self._count >= self._stirs_until
+        taken = self._stream.take(history, first, rests=rests)
+        if taken is None or not self.blocks.append(first, *taken):
             return False
-        self.blocks.append(self.position - self.samples, rows)
         self._count += 1
         return True
+
+    def is_quiet(self) -> bool:
+        """Whether nothing at all shows in the windows whose turn it is, and nothing did before."""
+        if self.named or not self.may_rest:
+            return False
+        return self.blocks.quiet(self._for_changes(), self._for_forces(), self._little, STIR_NATS)
 
     def changed(self) -> int | None:
         """First sample of a change, if there is one: of the window in which it shows most."""
         blocks = self.blocks
-        sizes = [size for size in self._due() if size + BEFORE <= len(blocks)]
+        sizes = self._for_changes()
         if not sizes:
             return None
         p = blocks.changed_p(sizes)
@@ -137,24 +153,22 @@ class Run:
     def name(self) -> None:
         """Ask the windows whose turn it is, and all blocks together while there are few."""
         blocks = self.blocks
-        sizes = [size for size in self._due() if LEAST_BLOCKS <= size <= len(blocks)]
-        if len(blocks) < WINDOWS[-1]:
-            if len(blocks) - 1 not in WINDOWS:
-                self.named.pop(len(blocks) - 1, None)
-            sizes.append(len(blocks))
+        sizes = self._for_forces()
+        if len(blocks) - 1 not in WINDOWS:  # of all blocks together, one ago
+            self.named.pop(len(blocks) - 1, None)
         favourite = max(self.named.values(), key=lambda each: each.evidence_nats, default=None)
         name = favourite.candidate.name if favourite else None
-        stirring = []
-        for size, rest in zip(sizes, blocks.newest(sizes), strict=True):
-            whole = blocks.whole(size)
-            named = nonlinear(rest, self._entries, name, MARGIN_NATS) if whole else None
+        whole = [size for size in sizes if blocks.whole(size)]
+        for size in {*sizes} - {*whole}:
+            self.named.pop(size, None)
+        for size, rest in zip(whole, blocks.newest(whole), strict=True):
+            named = nonlinear(rest, self._entries, name, MARGIN_NATS)
             if named is None:
                 self.named.pop(size, None)
             else:
                 self.named[size] = named
-            if rest.gains.max() > STIR_NATS:
-                stirring.append(size)
-        self._stir(stirring)
+        gains = blocks.most_of_scouts(sizes)
+        self._stir([size for size, gain in zip(sizes, gains, strict=True) if gain > STIR_NATS])
 
     def _stir(self, sizes: Sequence[int]) -> None:
         """Something shows in some windows: have all forces tried in them, and until their next turn."""
@@ -163,27 +177,35 @@ class Run:
         size = max(sizes)
         self._stirs_until = max(self._stirs_until, self._count + max(1, size // 4))
         if self._look is None and not self.blocks.whole(size):
-            stream = self._new_stream()
-            self._look = _Look(stream, self.blocks.firsts[-size] - stream.settles)
+            self._look = _Look(self._new_stream(), self.blocks.first_with_scouts(size))
 
     def look_again(self, history: History, most: int) -> bool:
-        """Go on with what is gone through once more, so many chunks at most; whether that is done now."""
+        """Go on with what is gone through once more, so many blocks at most; whether that is done now."""
         for _ in range(most):
             look = self._look
             if look is None:
                 return False
-            late = -((look.position - history.start) // self.samples)  # blocks that are not kept any more
-            look.position += max(0, late) * self.samples
-            rows, look.position = _through(look.stream, history, look.position)
-            if rows is not None:
-                self.blocks.fill(look.position - self.samples, rows)
+            first, look.position = look.position, look.position + self.samples
+            taken = look.stream.take(history, first, rests=False)
+            if taken is not None:
+                self.blocks.fill(first, *taken)
             if look.position == self.position:  # from here on there is one observer again
                 self._stream, self._look = look.stream, None
                 return True
         return False
 
     def _new_stream(self) -> Stream:
-        return Stream(self.refit.base, self._units, self._scouts, self.samples)
+        return Stream(self.refit.base, self._units, self._scouts, self.samples, self._newest)
+
+    def _for_changes(self) -> list[int]:
+        """Windows that are asked for a change now."""
+        return [size for size in self._due() if size + BEFORE <= len(self.blocks)]
+
+    def _for_forces(self) -> list[int]:
+        """Windows that are asked for a force now; all blocks together are one while there are few."""
+        count = len(self.blocks)
+        sizes = [size for size in self._due() if LEAST_BLOCKS <= size <= count]
+        return [*sizes, count] if count < WINDOWS[-1] else sizes
 
     def _due(self) -> Iterator[int]:
         """Windows whose turn it is: each four times while it passes."""
@@ -195,9 +217,3 @@ def _scouts(tried: Sequence[Candidate]) -> list[Candidate]:
     by_name = {candidate.name: candidate for candidate in reversed(tried)}
     kinds = ([by_name[name] for name in kind if name in by_name] for kind in SCOUTS)
     return [kind[0] for kind in kinds if kind]
-
-
-def _through(stream: Stream, history: History, first: int) -> tuple[np.ndarray | None, int]:
-    """A chunk through an observer: the rows of a block, if it completes one, and the sample that comes next."""
-    part = history.between(first, first + CHUNK)
-    return stream.take(first, part.samples, part.missing), first + CHUNK

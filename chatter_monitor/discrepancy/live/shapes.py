@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy.live.refit import SEPARATE
 from chatter_monitor.discrepancy.observer import Linear
-from chatter_monitor.discrepancy.spectrum import log_density
+from chatter_monitor.discrepancy.spectrum import log_densities
 from chatter_monitor.physics.parts import Mode
 
 # Of the other mode's response at its resonance over that of the machine there. Between two resonances the two are a
@@ -41,11 +41,11 @@ def of_another_mode(linear: Linear, rate_hz: float, bands: int) -> NDArray[np.fl
     loud = LOUDNESS * np.abs(linear.receptance(at))
     impedance = 2.0 * main.damping_ratio * (2.0 * np.pi * at) ** 2  # at resonance, of one that takes part wholly
     participation = np.sqrt(loud * impedance)
-    now = log_density(linear, at, nyquist_hz)
-    shapes = []
-    for i in np.flatnonzero(np.all(apart, axis=0)):
-        added = Mode(float(at[i]), main.damping_ratio, float(participation[i]))
-        change = log_density(replace(linear, modes=(*linear.modes, added)), at, nyquist_hz) - now
-        shapes.append(change - change.mean())
-    found = np.array(shapes).reshape(-1, bands)
-    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+    others = [
+        Mode(float(at[i]), main.damping_ratio, float(participation[i])) for i in np.flatnonzero(np.all(apart, axis=0))
+    ]
+    with_others = [replace(linear, modes=(*linear.modes, other)) for other in others]
+    now, *then = log_densities([linear, *with_others], at, nyquist_hz)
+    change = np.array(then).reshape(-1, bands) - now
+    change -= change.mean(axis=1, keepdims=True)
+    return np.asarray(change / np.linalg.norm(change, axis=1, keepdims=True))

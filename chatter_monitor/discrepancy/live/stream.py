@@ -10,17 +10,18 @@ from numpy.typing import NDArray
 
 from chatter_monitor.discrepancy.candidates import Candidate
 from chatter_monitor.discrepancy.innovations import Innovations, known_forces, tried_forces
-from chatter_monitor.discrepancy.live.decimate import CHUNK
+from chatter_monitor.discrepancy.live.history import History
+from chatter_monitor.discrepancy.live.windows import no_summary
 from chatter_monitor.discrepancy.whitening import whitener
 from chatter_monitor.kernels import live_signatures as kernel
 from chatter_monitor.kernels.binding import bound
 from chatter_monitor.kernels.forces_along import Tried
+from chatter_monitor.kernels.live_signatures import FEW
 from chatter_monitor.kernels.observer import SUBSTEPS, Forces, Motion, Observer
 from chatter_monitor.kernels.signatures import GROUP, Response, response_of
 from chatter_monitor.physics.terms import Term
 
 Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 
 ORDER = 12  # of the whitening filter
 _SETTLING = 4  # memories of the filter after which its errors and their signatures are used
@@ -30,9 +31,10 @@ class _Columns(NamedTuple):
     """What is made of a block: errors, signatures of what is linear, and of some forces."""
 
     tried: Tried
+    nearly: bool
     used: int
     answers: kernel.Answers
-    rows: Matrix  # (samples, lanes)
+    summary: kernel.Summary
 
 
 class Stream:
@@ -47,105 +49,98 @@ class Stream:
     scouts : int
         How many of them, the first, are watched for when the others rest; none of these has a memory.
     samples : int
-        Of a block; a multiple of CHUNK.
+        Of a block; a multiple of `FEW`.
+    newest : int
+        How many of these, the last, are gone through when forces rest; likewise.
 
     Attributes
     ----------
     linear : int
         Columns after the errors that stand for displacement and velocity, and with a delay for those before it.
+    settles : int
+        Samples before those of a block that an observer needs which begins with it.
     """
 
-    def __init__(self, base: Innovations, tried: Sequence[tuple[Candidate, int]], scouts: int, samples: int) -> None:
-        self._since = self._filled = 0
+    def __init__(
+        self, base: Innovations, tried: Sequence[tuple[Candidate, int]], scouts: int, samples: int, newest: int
+    ) -> None:
         self._observer = base.observer
         self._known = known_forces(base.terms)
         self._response = response_of(base.observer, whitener(base.errors, base.used, ORDER))
         self.linear = 4 if any(applied.term.delayed for applied in base.terms) else 2
+        self.settles = -(-(_SETTLING * base.memory() + ORDER) // (2 * FEW)) * 2 * FEW
         self._along = scratch()
         forces = [(candidate.term, candidate.unit(i)) for candidate, i in tried]
         self._path = at_rest(self._observer, self._known, tried_forces(forces))
-        self._columns = [self._columns_of(some, samples) for some in (forces[:scouts], forces)]
-        self._now = self._columns[True]
-        self._kept = 1 + self.linear + scouts
-        self._settling = _SETTLING * base.memory() + ORDER
-        self._watch = bound(kernel.watch, *self._arguments(0, np.zeros(CHUNK), np.zeros(CHUNK, dtype=bool)))
+        self._scouts = self._columns_of(forces[:scouts], newest, nearly=True)
+        self._all = self._columns_of(forces, samples, nearly=False)
+        self._last, self._ended = self._all, -1  # which columns go on, and with which sample
+        self._watch = bound(kernel.watch, *self._arguments(self._all, 0, np.zeros(samples)))
 
-    def _columns_of(self, forces: Sequence[tuple[Term, Sequence[float]]], samples: int) -> _Columns:
-        """Room for what is made of a block if these are tried."""
+    def _columns_of(self, forces: Sequence[tuple[Term, Sequence[float]]], samples: int, *, nearly: bool) -> _Columns:
+        """Room for what is made of so many samples if these are tried."""
         tried, used = tried_forces(forces), 1 + self.linear + len(forces)
         lanes = -(-used // GROUP) * GROUP
-        return _Columns(tried, used, no_answers(self._response, lanes), np.zeros((samples, lanes)))
+        return _Columns(tried, nearly, used, no_answers(self._response, lanes), no_summary(lanes, samples))
 
-    def restart(self) -> None:
-        """Forget everything: what comes next does not follow on what came last."""
-        for each in (self._path, *(columns.answers for columns in self._columns)):
-            for array in each:
-                array[:] = 0.0
-        self._since = self._filled = 0
-
-    @property
-    def begins(self) -> bool:
-        """Whether a block begins with what comes next."""
-        return self._filled == 0
-
-    @property
-    def settles(self) -> int:
-        """How many samples after a start no block holds."""
-        return -(-self._settling // CHUNK) * CHUNK
-
-    def try_all(self, wanted: bool) -> None:
-        """Try all forces from the block on that begins, or only scouts."""
-        before, now = self._now, self._columns[wanted]
-        if before is now:
-            return
-        self._path.memory[:] = 0.0
-        for old, new in zip(before.answers, now.answers, strict=True):
-            lanes = (*old.shape[:-1], -1, before.rows.shape[1]), (*new.shape[:-1], -1, now.rows.shape[1])
-            new[:] = 0.0
-            new.reshape(lanes[1])[..., : self._kept] = old.reshape(lanes[0])[..., : self._kept]
-        self._now = now
-
-    def take(self, first: int, samples: Vector, missing: NDArray[np.bool_]) -> Matrix | None:
-        """Take a chunk.
+    def take(self, history: History, first: int, *, rests: bool) -> tuple[kernel.Summary, int] | None:
+        """Take a block.
 
         Parameters
         ----------
+        history : History
+            Holds it.
         first : int
-            Number of the first sample.
-        samples : ndarray of float64, shape (CHUNK,)
-        missing : ndarray of bool, shape (CHUNK,)
+            Number of its first sample.
+        rests : bool
+            Whether forces rest: only scouts are tried, and only in the newest part of it.
 
         Returns
         -------
-        ndarray of float64, shape (samples of a block, 1 + linear + c), or None
-            The block that is completed: errors, signatures of what is linear and of what is tried, all or scouts.
-            Valid until the next call.
+        (Summary, int), or None
+            Of errors, signatures of what is linear and of what is tried; and how many columns that makes. Valid until
+            the next call. None where samples are missing, in the block or where the observer settles, or are not kept
+            any more.
         """
-        if missing.any():
-            self.restart()
+        now = self._scouts if rests else self._all
+        end = first + self._all.summary.errors.size
+        begin = end - now.summary.errors.size
+        goes_on = now is self._last and begin == self._ended
+        earliest = begin if goes_on else begin - self.settles
+        self._last, self._ended = now, -1
+        if earliest < history.start:
             return None
-        now = self._now
-        self._watch(*self._arguments(first, samples, missing))
-        self._since += CHUNK
-        if 2 * self._since <= self.settles:  # a force along a motion that is not known yet is none
-            now.answers.states[:] = 0.0
-        if self._since <= self.settles:
+        part = history.between(earliest, end)
+        if part.missing.any():
             return None
-        self._filled = (self._filled + CHUNK) % len(now.rows)
-        return None if self._filled else now.rows[:, : now.used]
+        if not goes_on:
+            self._settle(now, earliest, part.samples[: self.settles])
+        self._watch(*self._arguments(now, begin, part.samples[begin - earliest :]))
+        self._ended = end
+        return now.summary, now.used
 
-    def _arguments(self, first: int, samples: Vector, missing: NDArray[np.bool_]) -> tuple[object, ...]:
+    def _settle(self, now: _Columns, first: int, samples: Vector) -> None:
+        """Begin anew; a force along a motion that is not known yet is none."""
+        for each in (self._path, now.answers):
+            for array in each:
+                array[:] = 0.0
+        half = self.settles // 2
+        for at in (0, half):
+            now.answers.states[:] = 0.0
+            for few in range(at, at + half, FEW):  # a summary may have less room
+                self._watch(*self._arguments(now, first + few, samples[few : few + FEW]))
+
+    def _arguments(self, now: _Columns, first: int, samples: Vector) -> tuple[object, ...]:
         """What the kernel is told."""
-        now = self._now
         return (
-            self._observer, self._known, now.tried, self.linear, self._response, samples, missing, first,
-            self._path, self._along, now.answers, now.rows[self._filled : self._filled + CHUNK],
+            self._observer, self._known, now.tried, now.nearly, self.linear, self._response, samples, first,
+            self._path, self._along, now.answers, now.summary,
         )  # fmt: skip
 
 
 def scratch() -> kernel.Along:
     """Room for the motion over some samples, and for forces along it."""
-    few, nodes = kernel.FEW, SUBSTEPS * kernel.FEW
+    few, nodes = FEW, SUBSTEPS * FEW
     motion = Motion(*(np.zeros((2, few)) for _ in range(3)))
     rows = np.zeros((2, 2, 4, nodes)), np.zeros((2, few)), np.zeros((2, few)), np.zeros((2, nodes)), np.zeros(nodes)
     return kernel.Along(np.zeros(few), motion, *rows, np.zeros(few))
@@ -153,14 +148,14 @@ def scratch() -> kernel.Along:
 
 def at_rest(observer: Observer, known: Forces, tried: Tried) -> kernel.Path:
     """What an observer begins with."""
-    order, past = observer.gain.size, int(np.ceil(observer.delay)) + 4 + kernel.FEW
+    order, past = observer.gain.size, int(np.ceil(observer.delay)) + 4 + FEW
     sizes = order, order, 1, 2, known.forces.size, tried.rows.size, past
-    return kernel.Path(*(np.zeros(size) for size in sizes))
+    return kernel.Path(*(np.zeros(size) for size in (*sizes, (order, 1 + FEW))))
 
 
 def no_answers(response: Response, lanes: int) -> kernel.Answers:
     """What the signatures begin with."""
-    few = kernel.FEW * lanes
+    few = FEW * lanes
     before = (response.taps.size - 1) * lanes
     return kernel.Answers(
         np.zeros(few), np.zeros(lanes + few), np.zeros((response.output.size, lanes + few)), np.zeros(before + few)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.discrepancy.live.decimate import CHUNK, Decimator
+from chatter_monitor.discrepancy.live.decimate import Decimator
 from chatter_monitor.discrepancy.live.found import Found, of_force, of_omission, of_parameters
 from chatter_monitor.discrepancy.live.history import History
 from chatter_monitor.discrepancy.live.refit import Refit, refit
@@ -26,15 +26,15 @@ from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import Spindle
 
 FASTEST = 0.45  # mode, over the rate of the signal
-BLOCK_S = 0.5
 FIRST_FIT_S = 1.0
 FIRST_FIT_PERIODS = 300.0  # of the first mode, at least
 FIT_AGAIN = 1.5  # times as old
 LAST_FIT_S = 32.0
 LEAST_PRESENT = 0.5  # share of the samples of an epoch
-CATCH_UP = 16  # times the pace of the signal, when it runs through a new observer
+CATCH_UP = 2  # blocks that go through a new observer with each piece of the signal, at least
 RETUNED_P = 1e-8  # of the parameters of the model file
 MATERIAL = 0.15  # change of the damping over itself, or of the frequency over half the bandwidth, worth a word
+_BEFORE_BLOCKS = 4  # that are kept of what comes before the longest window, for an observer to settle in
 _NEVER = 1 << 62  # sample number
 
 
@@ -79,9 +79,10 @@ class Watch:
         self._decimator = Decimator(rate_hz, highest)
         self._rate_hz = rate = self._decimator.rate_hz
         self._system = system
-        self._block = CHUNK * max(1, round(BLOCK_S * rate / CHUNK))
-        self._history = History(round(WINDOWS[-1] * BLOCK_S * rate) + 2 * CHUNK, rate)
-        self._first_fit = round(max(FIRST_FIT_S, FIRST_FIT_PERIODS / system.modes[0].frequency_hz) * rate)
+        self._block = block = self._decimator.block
+        self._history = History((WINDOWS[-1] + _BEFORE_BLOCKS) * block, rate)
+        first_fit_s = max(FIRST_FIT_S, FIRST_FIT_PERIODS / system.modes[0].frequency_hz)
+        self._first_fit = block * round(first_fit_s * rate / block)
         self._last_fit = round(LAST_FIT_S * rate)
         self._work: Iterator[Refit | None] | None = None
         self._begin(0)
@@ -104,18 +105,26 @@ class Watch:
         Found or None
             How things stand; None while it is not known.
         """
-        lowered, missing = self._decimator.take(samples)
-        self._history.append(lowered / self._system.sensor.gain, missing)
+        blocks = self._decimator.take(samples)
+        for lowered, missing in blocks:
+            self._history.append(lowered / self._system.sensor.gain, missing)
+        if not blocks and not self._is_busy():
+            return None
         try:
-            return self._follow(lowered.size // CHUNK)
+            return self._follow(max(1, len(blocks)))
         except np.linalg.LinAlgError:  # what this stretch says cannot be computed: monitoring goes on, with another one
             self._begin(self._history.end)
             return None
 
-    def _follow(self, chunks: int) -> Found | None:
-        """Go on through what has come, so many chunks at least."""
+    def _is_busy(self) -> bool:
+        """Whether there is something to do though no block has come."""
+        run = self._epoch.run
+        return self._work is not None or self._epoch.next is not None or (run is not None and run.looks_again)
+
+    def _follow(self, pieces: int) -> Found | None:
+        """Go on through what has come; what has to catch up, by so many pieces of a few blocks."""
         epoch, found = self._epoch, None
-        for run, most in ((epoch.run, chunks), (epoch.next, CATCH_UP * chunks)):
+        for run, most in ((epoch.run, WINDOWS[-1]), (epoch.next, CATCH_UP * pieces)):
             for _ in range(most):
                 if run is None or self._is_at_end(run):
                     break
@@ -125,15 +134,15 @@ class Watch:
         if epoch.next is not None and self._is_at_end(epoch.next):
             epoch.run, epoch.next = epoch.next, None
             epoch.run.may_rest = epoch.fit_due == _NEVER  # its base is the last of the epoch
-        if epoch.run is not None and epoch.run.look_again(self._history, CATCH_UP * chunks):
+        if epoch.run is not None and epoch.run.look_again(self._history, CATCH_UP * pieces):
             epoch.run.name()
             found = self._judge(epoch.run)
         self._fit(epoch)
         return found
 
     def _is_at_end(self, run: Run) -> bool:
-        """Whether what has come makes no further chunk."""
-        return run.position + CHUNK > self._history.end
+        """Whether what has come makes no further block."""
+        return run.position + run.samples > self._history.end
 
     def _begin(self, first: int) -> None:
         self._work = None
@@ -151,7 +160,7 @@ class Watch:
         if end < epoch.fit_due or epoch.next is not None:
             return
         age = end - epoch.first
-        due = round(FIT_AGAIN * age)
+        due = self._block * round(FIT_AGAIN * age / self._block)
         epoch.fit_due = epoch.first + due if due <= self._last_fit else _NEVER
         recorded = self._history.between(max(epoch.first, self._history.start), end)
         present = ~recorded.missing
@@ -166,19 +175,21 @@ class Watch:
 
     def _adopt(self, epoch: _Epoch, result: Refit) -> None:
         """Let the epoch run through the new observer."""
-        epoch.next = Run(result, epoch.first, self._history.start, self._block, self._rate_hz)
+        epoch.next = Run(result, epoch.first, self._block, self._rate_hz)
 
     def _advance(self, run: Run) -> Found | None:
-        """One chunk on; how things stand, if it completes a block of what has just come."""
+        """One block on; how things stand, if it is the last that has come."""
         if not run.advance(self._history):
             return None
-        onset = run.changed()
+        quiet = run.is_quiet()
+        onset = None if quiet else run.changed()
         if onset is not None:
             self._begin(onset)
             return None
-        if run.position + run.samples <= self._history.end:
+        if not self._is_at_end(run):
             return None  # it is still catching up
-        run.name()
+        if not quiet:
+            run.name()
         return self._judge(run)
 
     def _judge(self, run: Run) -> Found:

@@ -1,8 +1,8 @@
 """What some seconds of whitened errors say: of forces that are missing, and of a change since before.
 
 Blocks of half a second are reduced to matrices of products and to powers in bands, and kept as running sums, so that a
-window of any length costs the same. Of some blocks there are the signatures of a few forces only, the scouts; a window
-with such a block tells of these.
+window of any length costs the same. Of some blocks there are the signatures of a few forces only, the scouts, and these
+in a part of the block; a window with such a block tells of these.
 """
 
 from __future__ import annotations
@@ -13,16 +13,17 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
+from scipy.special import chdtrc, chdtri
 
 from chatter_monitor.kernels import live_windows as kernel
+from chatter_monitor.kernels.binding import bound
+from chatter_monitor.kernels.live_signatures import FEW, Summary
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 BANDS = 24
 FINE_BANDS = 120  # in which a shape shows
-FEWEST_BLOCKS = 2  # that tell of a shape: the powers of one are too few to be nearly Gaussian
 RIDGE = 1e-9
 # Of a running sum: what is left of less than that when two are subtracted is rounding.
 _LOST = 1e-8
@@ -39,8 +40,8 @@ class Blocks:
         How many forces there are, and how many of them, the first, are tried in every block.
     linear : int
         How many of the signatures stand for the linear machine; they come first.
-    samples : int
-        In a block.
+    newest : int
+        Of the samples of a block, those whose powers are looked at: as many in each block.
     shapes : ndarray of float64, shape (s, FINE_BANDS)
         Of changes of the logarithm of the spectrum that are looked for, orthogonal to one of the level; unit length.
 
@@ -50,99 +51,116 @@ class Blocks:
         First sample of each.
     """
 
-    def __init__(self, most: int, tried: int, scouts: int, linear: int, samples: int, shapes: Matrix) -> None:
+    def __init__(self, most: int, tried: int, scouts: int, linear: int, newest: int, shapes: Matrix) -> None:
         self._most, self._linear, self._shapes = most, linear, shapes
-        self._ordinates = samples // 2
+        self._newest = newest
         self._edges, self._fine_edges = (
-            np.linspace(0, samples // 2, bands + 1).astype(np.int64) for bands in (BANDS, FINE_BANDS)
-        )
-        self._widths, self._fine_widths = np.diff(self._edges), np.diff(self._fine_edges)
-        kept = 2 * most + 1
-        # Of errors, 1, signatures of the linear machine, and of forces: scouts, and all where all were tried.
-        self._of_scouts, self._of_all = (
-            np.zeros((kept, size, size)) for size in (2 + linear + scouts, 2 + linear + tried)
+            np.linspace(0, newest // 2, bands + 1).astype(np.int64) for bands in (BANDS, FINE_BANDS)
         )
         self._whole: list[bool] = []
-        self._power = np.zeros((kept, 2, BANDS))  # and its square
-        self._fine_power = np.zeros((kept, FINE_BANDS))
         self.firsts: list[int] = []
+        kept = 2 * most + 1
+        few, every = 2 + linear + scouts, 2 + linear + tried
+        self._sums = kernel.Sums(
+            np.zeros((kept, few, few)), np.zeros((kept, every, every)), np.zeros((kept, 2, BANDS)),
+            np.zeros((kept, FINE_BANDS)),
+        )  # fmt: skip
+        summary, spectrum = no_summary(1, newest), np.zeros(newest // 2 + 1, dtype=np.complex128)
+        self._append = bound(kernel.append, self._sums, 0, summary, 1, spectrum, self._edges, self._fine_edges)
+        self._quiet = bound(kernel.quiet, *self._told((), (), np.zeros(3), 0.0))
 
     def __len__(self) -> int:
         return len(self.firsts)
 
-    def append(self, first: int, rows: Matrix) -> None:
-        """Append whitened errors and signatures of a block.
-
-        They count over the variance of the errors in the block: what is louder says no more.
+    def append(self, first: int, summary: Summary, used: int) -> bool:
+        """Append whitened errors and signatures of a block; whether there was anything in it.
 
         Parameters
         ----------
         first : int
             Its first sample.
-        rows : ndarray of float64, shape (samples, 1 + linear + tried) or (samples, 1 + linear + scouts)
+        summary : Summary
+            Of it, or of its newest part.
+        used : int
+            How many columns are of use: 1 + linear + tried, or of the newest part 1 + linear + scouts.
         """
-        errors = rows[:, 0].copy()
-        variance = float(errors @ errors) / errors.size
-        if not 0.0 < variance < np.inf:
-            return
         if len(self) == 2 * self._most:
-            for sums in (self._of_scouts, self._of_all, self._power, self._fine_power):
+            for sums in self._sums:
                 sums[: self._most + 1] = sums[self._most :] - sums[self._most]
             del self.firsts[: self._most], self._whole[: self._most]
-        at = len(self)
-        amplitudes = np.fft.rfft(errors)[1:]
-        periodogram = (amplitudes.real**2 + amplitudes.imag**2) / (errors.size * variance)
-        power, fine = (
-            np.add.reduceat(periodogram, edges[:-1]) / widths
-            for edges, widths in ((self._edges, self._widths), (self._fine_edges, self._fine_widths))
-        )
-        products = _with_offset(rows) / variance
-        few, whole = self._of_scouts.shape[1], products.shape == self._of_all.shape[1:]
-        self._of_scouts[at + 1] = self._of_scouts[at] + products[:few, :few]
-        self._of_all[at + 1] = self._of_all[at] + (products if whole else 0.0)
-        self._power[at + 1] = self._power[at] + np.stack([power, power**2])
-        self._fine_power[at + 1] = self._fine_power[at] + fine
+        spectrum = np.fft.rfft(summary.errors[-self._newest :])
+        if not self._append(self._sums, len(self), summary, used, spectrum, self._edges, self._fine_edges):
+            return False
         self.firsts.append(first)
-        self._whole.append(whole)
+        self._whole.append(used + 1 == self._sums.of_all.shape[1])
+        return True
 
-    def fill(self, first: int, rows: Matrix) -> None:
+    def fill(self, first: int, summary: Summary, used: int) -> None:
         """Put in what all forces say of a block that had only scouts; nothing, if there is no such block."""
         if first not in self.firsts:
             return
         at = self.firsts.index(first)
         if not self._whole[at]:
-            errors = rows[:, 0]
-            self._of_all[at + 1 : len(self) + 1] += _with_offset(rows) * (errors.size / (errors @ errors))
+            samples = summary.errors.size
+            products = kernel.with_offset(summary, samples, used)
+            self._sums.of_all[at + 1 : len(self) + 1] += products * (samples / products[0, 0])
             self._whole[at] = True
 
     def whole(self, size: int) -> bool:
         """Whether all forces were tried in all of the newest blocks, so many."""
         return all(self._whole[-size:])
 
+    def first_with_scouts(self, size: int) -> int:
+        """First sample of the first of the newest blocks, so many, in which not all forces were tried."""
+        return self.firsts[self._whole.index(False, len(self) - size)]
+
     def newest(self, sizes: Sequence[int]) -> list[Rest]:
-        """What an offset and the linear machine leave of errors and other signatures, over the newest blocks.
+        """What an offset and the linear machine leave of errors and of all forces, over the newest blocks.
 
         Parameters
         ----------
         sizes : sequence of int
-            How many are the newest, for each window.
-
-        Returns
-        -------
-        list of Rest
-            Of all forces for each window that is `whole`, of scouts for the others.
+            How many are the newest, for each window; all of these are `whole`.
         """
-        whole = [size for size in sizes if self.whole(size)]
-        rests = self._rests(self._of_all, whole) | self._rests(self._of_scouts, [s for s in sizes if s not in whole])
-        return [rests[size] for size in sizes]
-
-    def _rests(self, sums: Matrix, sizes: Sequence[int]) -> dict[int, Rest]:
-        always = 1 + self._linear
-        totals = np.empty((len(sizes), *sums.shape[1:]))
+        of_all, always = self._sums.of_all, 1 + self._linear
+        totals = np.empty((len(sizes), *of_all.shape[1:]))
         if sizes:
-            kernel.newest(sums, len(self), np.array(sizes, dtype=np.int64), _LOST, RIDGE, always, totals)
-        rests = (Rest(total[0, always + 1 :], total[always + 1 :, always + 1 :]) for total in totals)
-        return dict(zip(sizes, rests, strict=True))
+            kernel.newest(of_all, len(self), _array(sizes), _LOST, RIDGE, always, totals)
+        return [Rest(total[0, always + 1 :], total[always + 1 :, always + 1 :]) for total in totals]
+
+    def most_of_scouts(self, sizes: Sequence[int]) -> Vector:
+        """What the scout that explains most by itself does over the newest blocks, nats."""
+        gains = np.zeros(len(sizes))
+        kernel.most(self._sums.of_scouts, len(self), _array(sizes), _LOST, RIDGE, 1 + self._linear, gains)
+        return gains
+
+    def quiet(self, changes: Sequence[int], forces: Sequence[int], little: Vector, nats: float) -> bool:
+        """Whether a change and a force show less than this in all of the newest blocks; in one call.
+
+        Parameters
+        ----------
+        changes, forces : sequence of int
+            How many are the newest, for each window.
+        little : ndarray of float64, shape (3,)
+            Chi-squared of a change, see `little`.
+        nats : float
+            Of a scout.
+        """
+        return bool(self._quiet(*self._told(changes, forces, little, nats)))
+
+    def little(self, p: float) -> Vector:
+        """What `quiet` takes for little: where `changed_p` would be about p."""
+        each = p / 3.0
+        return np.array(
+            [chdtri(self._linear, each), chdtri(BANDS - 1, each), chdtri(1, each / max(len(self._shapes), 1))]
+        )
+
+    def _told(self, changes: Sequence[int], forces: Sequence[int], little: Vector, nats: float) -> tuple[object, ...]:
+        ordinates = self._newest // 2
+        return (
+            self._sums, len(self), _array(changes), _array(forces), 2, self._linear, ordinates / BANDS, self._shapes,
+            ordinates / FINE_BANDS, little, _LOST, RIDGE, nats,
+        )  # fmt: skip
 
     def changed_p(self, sizes: Sequence[int]) -> Vector:
         """How often chance makes the newest blocks differ as much from those before them.
@@ -155,41 +173,27 @@ class Blocks:
         sizes : sequence of int
             How many are the newest, for each window.
         """
-        retuned, coloured, spreads = np.empty((3, len(sizes)))
-        size = np.array(sizes, dtype=np.int64)
-        ordinates = self._ordinates / BANDS
+        retuned, coloured, shaped = np.empty((3, len(sizes)))
+        ordinates = self._newest // 2
         kernel.changed(
-            self._of_scouts, self._power, len(self), size, 2, self._linear, ordinates, retuned, coloured, spreads
-        )
+            self._sums, len(self), _array(sizes), 2, self._linear, ordinates / BANDS, self._shapes,
+            ordinates / FINE_BANDS, retuned, coloured, shaped,
+        )  # fmt: skip
         p = [
             chdtrc(self._linear, np.maximum(retuned, 0.0)),
             chdtrc(BANDS - 1, coloured),
-            max(len(self._shapes), 1) * chdtrc(1, self._shaped(size) / spreads),
+            max(len(self._shapes), 1) * chdtrc(1, shaped),
         ]
         return np.asarray(np.minimum(1.0, len(p) * np.min(p, axis=0)))
 
-    def _shaped(self, size: NDArray[np.int64]) -> Vector:
-        """Chi-squared of the shape that the newest blocks have most of next to those before; one degree of freedom."""
-        if not len(self._shapes):
-            return np.zeros(size.size)
-        at = len(self) - size
-        before = self._fine_power[at]
-        new, old = (self._fine_power[len(self)] - before) / size[:, None], before / at[:, None]
-        # Wilson and Hilferty (1931): the cube root of a mean of few ordinates is nearly Gaussian.
-        change = 3.0 * np.cbrt(new / old)
-        most = np.max(np.abs(change @ self._shapes.T), axis=1)
-        chi_squared = most**2 * self._ordinates / FINE_BANDS / (1.0 / at + 1.0 / size)
-        return np.asarray(np.where(size < FEWEST_BLOCKS, 0.0, chi_squared))
+
+def _array(sizes: Sequence[int]) -> NDArray[np.int64]:
+    return np.array(sizes, dtype=np.int64)
 
 
-def _with_offset(rows: Matrix) -> Matrix:
-    """Products of columns, and of 1 after the first of them: what a constant force or a drift adds to the errors."""
-    products, sums, samples = rows.T @ rows, np.ones(len(rows)) @ rows, len(rows)
-    total = np.empty((len(sums) + 1, len(sums) + 1))
-    total[0, 0], total[0, 2:] = products[0, 0], products[0, 1:]
-    total[2:, 0], total[2:, 2:] = products[1:, 0], products[1:, 1:]
-    total[1, 1], total[0, 1], total[1, 0], total[1, 2:], total[2:, 1] = samples, sums[0], sums[0], sums[1:], sums[1:]
-    return total
+def no_summary(lanes: int, samples: int) -> Summary:
+    """Room for that of so many samples."""
+    return Summary(*(np.zeros(size) for size in (FEW * lanes, lanes * lanes, lanes, samples)))
 
 
 class Rest:
