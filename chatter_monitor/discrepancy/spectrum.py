@@ -167,24 +167,44 @@ class _Density:
         low, high = np.array(bounds).T
         return low, high
 
+    def _modes(self, vector: Vector) -> list[tuple[float, float, float]]:
+        """Frequency in Hz, damping and participation of each mode."""
+        modes = [(mode.frequency_hz, mode.damping_ratio, mode.participation) for mode in self.start.modes]
+        at = 0
+        for i, (_, _, participation) in enumerate(modes[: self.modes]):
+            share = float(vector[at + 2]) if i else participation
+            modes[i] = math.exp(vector[at]), math.exp(vector[at + 1]), share or 1e-9
+            at += 2 + (i > 0)
+        return modes
+
+    def _corner_hz(self, vector: Vector) -> float | None:
+        return math.exp(vector[self.corner_at]) if self.start.corner_hz is not None else None
+
+    def _regeneration(self, vector: Vector) -> float:
+        return float(vector[self.regeneration_at]) if self.start.delay_s is not None else 0.0
+
     def linear(self, vector: Vector) -> Linear:
         """Machine that a vector stands for."""
-        modes, at = list(self.start.modes), 0
-        for i, mode in enumerate(self.start.modes[: self.modes]):
-            participation = float(vector[at + 2]) if i else mode.participation
-            modes[i] = Mode(math.exp(vector[at]), math.exp(vector[at + 1]), participation or 1e-9)
-            at += 2 + (i > 0)
-        corner = math.exp(vector[self.corner_at]) if self.start.corner_hz is not None else None
-        regeneration = float(vector[self.regeneration_at]) if self.start.delay_s is not None else 0.0
-        noise = math.exp(vector[self.noise_at])
-        return replace(self.start, modes=tuple(modes), noise=noise, corner_hz=corner, regeneration=regeneration)
+        return replace(
+            self.start,
+            modes=tuple(Mode(*mode) for mode in self._modes(vector)),
+            noise=math.exp(vector[self.noise_at]),
+            corner_hz=self._corner_hz(vector),
+            regeneration=self._regeneration(vector),
+        )
 
     def response(self, linear: Linear) -> Vector:
         """Squared response of what the sensor measures to the force."""
-        modes = np.array([(mode.omega, mode.damping_ratio, mode.participation) for mode in linear.modes])
+        modes = [(mode.frequency_hz, mode.damping_ratio, mode.participation) for mode in linear.modes]
+        return self._response(modes, linear.regeneration, linear.corner_hz)
+
+    def _response(
+        self, modes: list[tuple[float, float, float]], regeneration: float, corner_hz: float | None
+    ) -> Vector:
+        rows = np.array([(2.0 * math.pi * frequency, damping, share) for frequency, damping, share in modes])
         squared = np.empty(self.spectrum.frequency_hz.size)
-        corner_hz = math.inf if linear.corner_hz is None else linear.corner_hz
-        respond(self.spectrum.frequency_hz, self.sensed, modes, linear.regeneration, self.lag, corner_hz, squared)
+        white = math.inf if corner_hz is None else corner_hz
+        respond(self.spectrum.frequency_hz, self.sensed, rows, regeneration, self.lag, white, squared)
         return squared
 
     def noise(self, linear: Linear) -> float:
@@ -193,10 +213,10 @@ class _Density:
 
     def __call__(self, vector: Vector) -> Vector:
         """Log S at the bins of the periodogram."""
-        linear = self.linear(vector)
-        response = self.response(linear)
+        response = self._response(self._modes(vector), self._regeneration(vector), self._corner_hz(vector))
         colour = vector[self.noise_at + 1 :] @ self.cosines
-        add_noise(response, self.step_hz, linear.noise / self.spectrum.nyquist_hz, colour, response)
+        share = math.exp(vector[self.noise_at]) / self.spectrum.nyquist_hz
+        add_noise(response, self.step_hz, share, colour, response)
         return response
 
 

@@ -409,16 +409,15 @@ def forces_of(observer, tried, linear, first, lanes, path, along, begins, ends):
 @njit(**OPTIONS)
 def at_samples(tried, linear, lanes, omega, along, begins, ends):
     """The same, but nearly: forces as they are at samples as known and as predicted, joined by straight lines."""
-    motion = along.motion
+    x, v, lagged = along.motion.x.ctypes.data, along.motion.v.ctypes.data, along.motion.lagged.ctypes.data
     angle = along.nodes[0, 0, 3].ctypes.data  # of no use to a force that does not ask where the spindle is
-    for row in range(2):
-        x, v, lagged = motion.x[row].ctypes.data, motion.v[row].ctypes.data, motion.lagged[row].ctypes.data
-        for j in range(tried.rows.size):
-            call_row(
-                tried.rows[j], x, v, lagged, angle, omega, along.between[0].ctypes.data, parameters_of(tried, j), FEW,
-                along.force.ctypes.data,
-            )  # fmt: skip
-            put(begins if row == 0 else ends, lanes, 1 + linear + j, along.force)
+    for j in range(tried.rows.size):
+        call_row(
+            tried.rows[j], x, v, lagged, angle, omega, along.between[0].ctypes.data, parameters_of(tried, j), 2 * FEW,
+            along.along.ctypes.data,
+        )  # fmt: skip
+        put(begins, lanes, 1 + linear + j, along.along)
+        put(ends, lanes, 1 + linear + j, along.along[FEW:])
 
 
 @njit(**OPTIONS)
@@ -432,11 +431,16 @@ def sum_up(white, lanes, products, sums):
         for k in range(FEW):
             total = total + white[k * aside + group]
         sums[group] = total
-        for i in range(lanes):
-            total = products[i * aside + group]
+        for i in range(0, lanes, 4):  # four sums side by side: none waits for another
+            at = i * aside + group
+            one, two = products[at], products[at + aside]
+            three, four = products[at + 2 * aside], products[at + 3 * aside]
             for k in range(FEW):
-                total = fma(column[k * lanes + i], white[k * aside + group], total)
-            products[i * aside + group] = total
+                here, row = k * lanes + i, white[k * aside + group]
+                one, two = fma(column[here], row, one), fma(column[here + 1], row, two)
+                three, four = fma(column[here + 2], row, three), fma(column[here + 3], row, four)
+            products[at], products[at + aside] = one, two
+            products[at + 2 * aside], products[at + 3 * aside] = three, four
 
 
 @njit(cache=True, nogil=True)
