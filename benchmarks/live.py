@@ -43,6 +43,7 @@ FRAME = 640
 FIRST_REPORTED_SEED = 50
 BEFORE_S, AFTER_S = 20.0, 40.0
 JOIN_S = 4.0
+EARLY_S = 70.0  # in which bases are fitted
 GROWTH = 1.25  # from one length of a prefix to the next
 
 Signal = NDArray[np.float64]
@@ -222,26 +223,32 @@ def quiet(seeds: range, hours: float, workers: int) -> None:
 
 def cost() -> None:
     """Processor time for a second of signal, beside the tracker's, for several modes; the first minute and after."""
+    cost_of(400.0, 20.0)  # loads what is compiled
     for frequency_hz in (100.0, 400.0, 640.0, 1000.0):
-        signal = record(Machine("none", 0.0, frequency_hz, 0.02, seconds=100.0), FIRST_REPORTED_SEED)
-        watch = Watch(MachiningSystem((Mode(frequency_hz, 0.02),), sensor=Sensor("displacement")), RATE_HZ)
-        tracker = Tracker(TrackerSettings())
-        spent = np.zeros((2, 2))
-        for at in range(0, signal.size, FRAME):
-            frame = signal[at : at + FRAME]
-            t0 = time.process_time()
-            watch.take(frame)
-            t1 = time.process_time()
-            list(tracker.process(at, frame))
-            late = int(at > 70.0 * RATE_HZ)
-            spent[late] += t1 - t0, time.process_time() - t1
-        early, later = spent[:, 0] / spent[:, 1]
-        ms = 1000.0 * spent[1] / 30.0
+        early, later, ms = cost_of(frequency_hz, 130.0)
         print(
-            f"mode at {frequency_hz:.0f} Hz: {later:.2f} of the tracker's time ({ms[0]:.1f} of {ms[1]:.1f} ms/s); "
+            f"mode at {frequency_hz:.0f} Hz: {later:.2f} of the tracker's time ({ms[0]:.2f} of {ms[1]:.2f} ms/s); "
             f"{early:.2f} in the first 70 s",
             flush=True,
         )
+
+
+def cost_of(frequency_hz: float, seconds: float) -> tuple[float, float, Signal]:
+    """Time over the tracker's, in the first 70 s and after; and both after, in ms for a second of signal."""
+    signal = record(Machine("none", 0.0, frequency_hz, 0.02, seconds=seconds), FIRST_REPORTED_SEED)
+    watch = Watch(MachiningSystem((Mode(frequency_hz, 0.02),), sensor=Sensor("displacement")), RATE_HZ)
+    tracker = Tracker(TrackerSettings())
+    spent = np.zeros((2, 2))
+    for at in range(0, signal.size, FRAME):
+        frame = signal[at : at + FRAME]
+        t0 = time.process_time()
+        watch.take(frame)
+        t1 = time.process_time()
+        list(tracker.process(at, frame))
+        late = int(at >= EARLY_S * RATE_HZ)
+        spent[late] += t1 - t0, time.process_time() - t1
+    early, later = spent[:, 0] / np.maximum(spent[:, 1], 1e-9)
+    return float(early), float(later), 1000.0 * spent[1] / max(seconds - EARLY_S, 1.0)
 
 
 def main() -> None:

@@ -23,7 +23,7 @@ from chatter_monitor.discrepancy.live.windows import FINE_BANDS, Blocks
 from chatter_monitor.physics.terms import CATALOGUE
 
 WINDOWS = tuple(1 << k for k in range(8))  # blocks; what is older than the longest is forgotten
-CHANGED_P = 1e-9  # of errors that are as before, in one window
+CHANGED_P = 1e-6  # of errors that are as before, in one window: an epoch too many in a few shifts, which says nothing
 BEFORE = 8  # blocks, at least, that a window is compared with
 LEAST_BLOCKS = 2  # of a window that a force is named by
 MARGIN_NATS = 3.0  # by which another name has to lead, to be taken
@@ -158,17 +158,18 @@ class Run:
             self.named.pop(len(blocks) - 1, None)
         favourite = max(self.named.values(), key=lambda each: each.evidence_nats, default=None)
         name = favourite.candidate.name if favourite else None
+        most = dict(zip(sizes, blocks.most_of_scouts(sizes), strict=True))
         whole = [size for size in sizes if blocks.whole(size)]
-        for size in {*sizes} - {*whole}:
+        for size in most.keys() - {*whole}:
             self.named.pop(size, None)
         for size, rest in zip(whole, blocks.newest(whole), strict=True):
+            most[size] = rest.gains.max()
             named = nonlinear(rest, self._entries, name, MARGIN_NATS)
             if named is None:
                 self.named.pop(size, None)
             else:
                 self.named[size] = named
-        gains = blocks.most_of_scouts(sizes)
-        self._stir([size for size, gain in zip(sizes, gains, strict=True) if gain > STIR_NATS])
+        self._stir([size for size in sizes if most[size] > STIR_NATS or size in self.named])
 
     def _stir(self, sizes: Sequence[int]) -> None:
         """Something shows in some windows: have all forces tried in them, and until their next turn."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,8 @@ FIRST_FIT_PERIODS = 300.0  # of the first mode, at least
 FIT_AGAIN = 1.5  # times as old
 LAST_FIT_S = 32.0
 LEAST_PRESENT = 0.5  # share of the samples of an epoch
-CATCH_UP = 2  # blocks that go through a new observer with each piece of the signal, at least
+CATCH_UP = 4  # blocks that go through a new observer with each piece of the signal, at least
+STEPS = 2  # of the work of a fit, likewise
 RETUNED_P = 1e-8  # of the parameters of the model file
 MATERIAL = 0.15  # change of the damping over itself, or of the frequency over half the bandwidth, worth a word
 _BEFORE_BLOCKS = 4  # that are kept of what comes before the longest window, for an observer to settle in
@@ -149,13 +151,13 @@ class Watch:
         self._epoch = _Epoch(first, first + self._first_fit)
 
     def _fit(self, epoch: _Epoch) -> None:
-        """One step of fitting the base, where it is due: to all of the epoch."""
+        """Some steps of fitting the base, where it is due: to all of the epoch."""
         end = self._history.end
         if self._work is not None:
-            result = next(self._work)
-            if result is not None:
-                self._work = None
-                self._adopt(epoch, result)
+            for result in islice(self._work, STEPS):
+                if result is not None:
+                    self._work = None
+                    self._adopt(epoch, result)
             return
         if end < epoch.fit_due or epoch.next is not None:
             return
