@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from chatter_monitor.discrepancy.augment import DAMPING_KNOWN, Augmented, Start, augment, calibrated, fullest
 from chatter_monitor.discrepancy.basis import scales
@@ -29,6 +30,7 @@ REST_NATS = 6.0
 REST_SHARE, FITTED_REST_SHARE = 0.2, 0.02
 SECOND_SHARE = 0.8  # of what a second name explains that another power or symmetry of the first may explain, too
 DAMPED_SD = 1.96  # by which the machine's damping beside a law may differ from the model file's: two-sided 95 %
+_DAMPINGS_TRIED, _LEAST_SD = 200, 1e-3
 RIVALS = 3  # fitted fully
 RIVAL_NATS, RIVAL_SHARE = 6.0, 0.05  # how near to the leader's evidence, for that
 
@@ -272,5 +274,8 @@ def _damped_otherwise(case: Case, augmented: Augmented) -> float | None:
     what dissipates is one force or two, only what is known of the machine tells.
     """
     known, fitted = case.system.modes[0].damping_ratio, augmented.system.modes[0].damping_ratio
-    sd = math.hypot(DAMPING_KNOWN, augmented.damping_sd / fitted)
-    return fitted / known if abs(math.log(fitted / known)) > DAMPED_SD * sd else None
+    # The damping ratio that agrees best with both. A fit knows the ratio to so much, a model file its logarithm.
+    tried = np.geomspace(known, fitted, _DAMPINGS_TRIED)
+    by_fit = (tried - fitted) / max(augmented.damping_sd, _LEAST_SD * fitted)
+    apart = float(np.min((np.log(tried / known) / DAMPING_KNOWN) ** 2 + by_fit**2))
+    return fitted / known if apart > DAMPED_SD**2 else None

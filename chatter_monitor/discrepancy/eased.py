@@ -19,7 +19,7 @@ from chatter_monitor.discrepancy.name import within
 from chatter_monitor.physics.parts import AppliedTerm
 
 SLIDING, EASED = "coulomb_friction", "stribeck_friction"
-STICTIONS = np.linspace(0.1, 2.0, 20)  # over the friction at high velocity: at rest it is up to three times as large
+STICTIONS = np.linspace(0.1, 3.0, 30)  # over the friction at high velocity: at rest it is up to four times as large
 
 
 def eased(case: Case, sliding: Augmented) -> AppliedTerm | None:
