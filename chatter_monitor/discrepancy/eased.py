@@ -35,13 +35,13 @@ def eased(case: Case, sliding: Augmented) -> AppliedTerm | None:
     sliding : Augmented
         Model with friction that does not ease, fitted, as its one term that was found.
     """
-    inn, friction = sliding.innovations, sliding.system.terms[-1]
+    inn, found = sliding.innovations, sliding.system.terms[-1]
     easing = [candidate for candidate, _ in case.contest.entries if candidate.name == EASED]
     if not easing:
         return None
     own, slides, *signatures = inn.of_terms(
         [
-            (friction.term, friction.values),
+            (found.term, found.values),
             (easing[0].term, easing[0].unit(0)),
             *((candidate.term, candidate.unit(1)) for candidate in easing),
         ]
