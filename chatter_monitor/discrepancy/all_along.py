@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from chatter_monitor.discrepancy.augment import DAMPING_KNOWN, Augmented, Start, augment, calibrated, fullest
 from chatter_monitor.discrepancy.basis import scales
 from chatter_monitor.discrepancy.case import Case
 from chatter_monitor.discrepancy.columns import beside
 from chatter_monitor.discrepancy.diagnosis import offset_beside
+from chatter_monitor.discrepancy.eased import EASED, SLIDING, eased
 from chatter_monitor.discrepancy.findings import IN_WORDS, of_term
 from chatter_monitor.discrepancy.in_part.amplitude import named_above
 from chatter_monitor.discrepancy.in_part.models import begins_above
@@ -27,6 +30,7 @@ REST_NATS = 6.0
 REST_SHARE, FITTED_REST_SHARE = 0.2, 0.02
 SECOND_SHARE = 0.8  # of what a second name explains that another power or symmetry of the first may explain, too
 DAMPED_SD = 1.96  # by which the machine's damping beside a law may differ from the model file's: two-sided 95 %
+_DAMPINGS_TRIED, _LEAST_SD = 200, 1e-3
 RIVALS = 3  # fitted fully
 RIVAL_NATS, RIVAL_SHARE = 6.0, 0.05  # how near to the leader's evidence, for that
 
@@ -61,16 +65,20 @@ class Named:
 
 def name_all_along(case: Case) -> Named:
     """Fit the leaders fully, and those that explain more beside the first; `case.named` is what is left of them."""
-    found = _fullest(case) if case.named else None
+    found = _fullest(case, _leaders(case)) if case.named else None
     if found is None:
         strange = ["a force with which the model runs away from it"] if case.named else []
         case.named = []
         return Named(case.base.omissions, [], strange, _with_omissions(case))
     first, augmented, omissions = found
-    case.named = [first]
-    left = _left(case, augmented)
-    # Further terms may stand for no more than what the first, fitted fully, leaves.
-    further = _further(case, first, augmented) if max(left.smooth.values()) > REST_NATS else []
+    left, further = _beside(case, first, augmented)
+    # What explains more beside the first may explain all of it: the regression takes the motion from a machine without
+    # it, and may have ranked it too low.
+    ranked = _ranked(case, further)
+    alone = _fullest(case, ranked) if ranked else None
+    if alone is not None and alone[1].cost < augmented.cost:
+        first, augmented, omissions = alone
+        left, further = _beside(case, first, augmented)
     # A law that is a little another explains it as simply as two that are right.
     if further and max(left.variations.values()) < SECOND_SHARE * further[0].fit.gain:
         terms = [*augmented.system.terms[-1:], *(_applied(case, scored) for scored in further)]
@@ -94,23 +102,43 @@ def _with_omissions(case: Case) -> Augmented | None:
     inn, omissions = case.innovations, case.base.omissions
     if not omissions:
         return None
-    return Augmented(calibrated(case, inn.linear, inn.terms), inn, [], [], omissions[0].gain_nats)
+    return Augmented(calibrated(case, inn.linear, inn.terms), inn, [], [], [], omissions[0].gain_nats)
 
 
-def _fullest(case: Case) -> tuple[Scored, Augmented, list[Omission]] | None:
-    """Whichever of the leaders explains most once everything is fitted through the nonlinear filter.
+def _beside(case: Case, first: Scored, augmented: Augmented) -> tuple[Unnamed, list[Scored]]:
+    """What the first term leaves, and names for that; they may stand for no more than what it leaves fitted fully."""
+    case.named = [first]
+    left = _left(case, augmented)
+    return left, _further(case, first, augmented) if max(left.smooth.values()) > REST_NATS else []
 
-    A nonlinear force makes a spectrum that looks like a linear omission: what the base was found to lack stays
-    only if the leaders explain less without it. None if all of them run away from the recording.
-    """
+
+def _leaders(case: Case) -> list[Scored]:
+    """The first name of the regression, and those near it."""
     leader = case.named[0]
     least = leader.evidence_nats - max(RIVAL_NATS, RIVAL_SHARE * leader.evidence_nats)
     if leader.candidate.name in case.contest.seen:
         least = max(least, SURE_NATS)  # others would have to be confirmed
-    rivals = [
-        leader,
-        *(each for each in case.ranking if each.evidence_nats > least and each.candidate != leader.candidate),
-    ][:RIVALS]
+    near = (each for each in case.ranking if each.evidence_nats > least and each.candidate != leader.candidate)
+    rivals = [leader, *near]
+    names = [scored.candidate.name for scored in rivals]
+    if EASED in names and SLIDING in names[: names.index(EASED)]:  # which has to be there before it can ease
+        del rivals[names.index(EASED)]
+    return rivals[:RIVALS]
+
+
+def _ranked(case: Case, found: Sequence[Scored]) -> list[Scored]:
+    """Names that were found beside another, as they stand in the regression before any is named."""
+    names = {scored.candidate.name for scored in found}
+    return [scored for scored in case.ranking if scored.candidate.name in names]
+
+
+def _fullest(case: Case, rivals: Sequence[Scored]) -> tuple[Scored, Augmented, list[Omission]] | None:
+    """Whichever of some names explains most once everything is fitted through the nonlinear filter.
+
+    A nonlinear force makes a spectrum that looks like a linear omission: what the base was found to lack stays
+    only if they explain less without it. None if all of them run away from the recording.
+    """
+    rivals = list(rivals)
     inn, base = case.innovations, case.base
     machine = [omission for omission in base.omissions if omission.name in MECHANICAL]
     price = PRICE_NATS * sum(len(omission.parameters) for omission in machine)
@@ -136,7 +164,19 @@ def _fullest(case: Case) -> tuple[Scored, Augmented, list[Omission]] | None:
         number, augmented = fullest(case, starts)
     except Diverged:
         return None
-    return rivals[number], augmented, machine if number < with_machine else []
+    return *_eased(case, rivals[number], augmented), machine if number < with_machine else []
+
+
+def _eased(case: Case, first: Scored, augmented: Augmented) -> tuple[Scored, Augmented]:
+    """The model with friction that eases in place of friction that does not, if that is likelier."""
+    law = eased(case, augmented) if first.candidate.name == SLIDING else None
+    if law is None:
+        return first, augmented
+    start = Start((law,), augmented.innovations.linear, augmented.system.terms[:-1])
+    try:
+        return next(each for each in case.ranking if each.candidate.name == EASED), fullest(case, [start])[1]
+    except (Diverged, StopIteration):
+        return first, augmented
 
 
 def _further(case: Case, first: Scored, augmented: Augmented) -> list[Scored]:
@@ -234,5 +274,8 @@ def _damped_otherwise(case: Case, augmented: Augmented) -> float | None:
     what dissipates is one force or two, only what is known of the machine tells.
     """
     known, fitted = case.system.modes[0].damping_ratio, augmented.system.modes[0].damping_ratio
-    sd = math.hypot(DAMPING_KNOWN, augmented.damping_sd / fitted)
-    return fitted / known if abs(math.log(fitted / known)) > DAMPED_SD * sd else None
+    # The damping ratio that agrees best with both. A fit knows the ratio to so much, a model file its logarithm.
+    tried = np.geomspace(known, fitted, _DAMPINGS_TRIED)
+    by_fit = (tried - fitted) / max(augmented.damping_sd, _LEAST_SD * fitted)
+    apart = float(np.min((np.log(tried / known) / DAMPING_KNOWN) ** 2 + by_fit**2))
+    return fitted / known if apart > DAMPED_SD**2 else None

@@ -60,18 +60,24 @@ class Augmented:
         For each added term, its parameters with their standard deviations.
     columns : list of ndarray of float64, shape (n,)
         What a change of each parameter that was fitted adds to the errors: of modes, terms, nuisance, whitener.
+    machine_columns : list of ndarray of float64, shape (n,)
+        The same without the terms; frequency and damping ratio of the first mode come first, if they were fitted.
     gain_nats : float
         Gain of the whitened likelihood over the base model, on all samples, errors of the nonlinear filter itself.
     damping_sd : float
         Standard deviation of the first mode's damping ratio; 0 if that was not fitted.
+    cost : float
+        What is left to explain, nats, the parameters paid for; of two models of one case the cheaper one is likelier.
     """
 
     system: MachiningSystem
     innovations: Innovations
     parameters: list[dict[str, tuple[float, float]]]
     columns: list[Vector]
+    machine_columns: list[Vector]
     gain_nats: float
     damping_sd: float = 0.0
+    cost: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +221,13 @@ class _Climb:
         gain = _loss(self.case.innovations, self.case.weight) - here.loss
         system = calibrated(self.case, model.linear, model.terms)
         damping_sd = next((float(sd) for k, sd in zip(model.knobs, here.sd, strict=False) if k == _DAMPING), 0.0)
-        return Augmented(system, here.innovations, parameters, here.columns, gain, damping_sd)
+        of_terms = [knob.term is not None for knob in model.knobs]
+        columns, besides = [], []
+        for number, column in enumerate(here.columns):
+            if column.any():
+                columns.append(column)
+                besides += [] if number < len(of_terms) and of_terms[number] else [column]
+        return Augmented(system, here.innovations, parameters, columns, besides, gain, damping_sd, self.cost)
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,9 +400,7 @@ def _fitted(case: Case, model: _Model, beat: _Fitted | None = None) -> _Fitted |
     if held:
         free = [i for i in free if i not in held]
         normal, right = _beside(total, free, others + held)
-    return _Fitted(
-        inn, loss, [column for column in columns if column.any()], np.sqrt(np.diag(inverse)), free, normal, right
-    )
+    return _Fitted(inn, loss, columns, np.sqrt(np.diag(inverse)), free, normal, right)
 
 
 def _nuisance(case: Case, model: _Model) -> list[int]:

@@ -106,6 +106,13 @@ class Evidence:
         self.products = np.block([[self.products, row[:, :, None]], [row[:, None, :], corner[:, None]]])
         return int(self.products.shape[1]) - 2
 
+    def expect(self, column: int, value: float, sd: float) -> None:
+        """Count what is known of a coefficient beforehand, a normal variable, as one sample more."""
+        sample = np.zeros(self.products.shape[1])
+        sample[[0, column + 1]] = value / sd, 1.0 / sd
+        self.products[0] += np.outer(sample, sample)
+        self._sums = {}
+
     @property
     def blocks(self) -> int:
         """How many."""

@@ -31,3 +31,23 @@ def test_all_of_the_recording_may_confirm_a_name(kind, number, tmp_path):
     """The training blocks alone lead to another name, which the other half does not confirm."""
     report, truth = report_of(kind, 155921, number, tmp_path)
     assert [term.name for term in report.terms] == truth["names"], report.summary
+
+
+@pytest.mark.parametrize("number", [18, 147])
+def test_what_explains_the_rest_of_a_name_may_explain_all_of_it(number, tmp_path):
+    """To the regression a joint that sticks is a cubic spring; beside that spring it shows, as a second law."""
+    report, truth = report_of("hysteresis", 182818, number, tmp_path)
+    assert [term.name for term in report.terms] == truth["names"], report.summary
+
+
+def test_damping_that_a_fit_hardly_knows_refuses_no_name(tmp_path):
+    """Three times the damping of the model file, but by a fit that knows it to 1.8 standard deviations from that."""
+    report, truth = report_of("v|v|", 182818, 23, tmp_path)
+    assert [term.name for term in report.terms] == truth["names"], report.summary
+
+
+@pytest.mark.parametrize(("kind", "number"), [("stribeck", 46), ("stribeck", 274), ("coulomb", 93), ("coulomb", 238)])
+def test_of_two_frictions_the_likelier_is_named(kind, number, tmp_path):
+    """The best stiction explains 0.4 to 2.3 nats more in each of them: by itself that tells nothing."""
+    report, truth = report_of(kind, 182818, number, tmp_path)
+    assert [term.name for term in report.terms] == truth["names"], report.summary

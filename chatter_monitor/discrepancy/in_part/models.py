@@ -54,7 +54,7 @@ def acts_there(
     fit = _regressed(case)
     applied = _applied(local, fit)
     if applied is not None and local.between_s is not None:
-        before = augmented or Augmented(base, case.innovations, [], [], local.as_likely[0].evidence_nats)
+        before = augmented or Augmented(base, case.innovations, [], [], [], local.as_likely[0].evidence_nats)
         fitted = _fitted_there(case, applied, local.between_s, before)
         if fitted is None:
             return of_local(local, fit), replace(before, system=_in_stretch(before.system, applied, local.between_s))
