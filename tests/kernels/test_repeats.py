@@ -61,7 +61,7 @@ def test_it_is_about_the_share_that_turns(rotation_hz, share):
 
 
 def test_a_tool_that_enters_is_heard_within_three_frames():
-    """Air is not averaged into what repeats: the share is that of the cut as soon as two of its frames are to be had."""
+    """Air is not averaged into what repeats: its share is that of the cut as soon as that has two whole frames."""
     entry = 20 * FRAME + FRAME // 3
     samples = np.sqrt(0.8) * teeth(2.0, 40.0) + np.sqrt(0.2) * noise(2.0)
     samples = np.where(np.arange(len(samples)) < entry, 0.01, 1.0) * samples
