@@ -226,7 +226,9 @@ class NaiveVibration:
         risen = self.kinds[1] + self.kinds[2]
         last = self.glides[-109:]
         glided = any(all(last[i : i + 10]) for i in range(len(last) - 9))
-        odds = self.odds - 6.0 * (glided and not self.chattered)
+        odds = self.odds
+        if glided and not self.chattered:
+            odds = min(odds, rules.odds.unknown_speed) - 6.0
         self.unexplained = float(expit(odds + rules.odds.offset + rules.odds.dominance * self.dominance))
         before = self.alarm_for
         alarm = self.self_excited >= (rules.calm_probability if before else rules.alarm_probability)
