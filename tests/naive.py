@@ -124,18 +124,24 @@ def prominence(power: NDArray[np.float64], lowest: int) -> NDArray[np.float64]:
     return result
 
 
-def repeating(samples: NDArray[np.float64], size: int, thinned: int, averaging: float) -> float:
-    """Largest of the averaged correlations of each frame with what was one to two frames before."""
+def repeating(samples: NDArray[np.float64], size: int, thinned: int, averaging: float, louder: float) -> float:
+    """Largest of the averaged correlations of each frame with what was one to two frames before.
+
+    A frame that is so many times as powerful as the average counts by its share of that.
+    """
     thin = samples.reshape(-1, thinned).mean(axis=1)
     size //= thinned
-    average = np.zeros(size + 1)
+    average, power = np.zeros((2, size + 1))
     thin = np.concatenate([np.zeros(2 * size), thin])
     for begin in range(2 * size, len(thin), size):
         here = thin[begin : begin + size]
         for lag in range(size, 2 * size + 1):
             before = thin[begin - lag : begin - lag + size]
             now = np.corrcoef(here, before)[0, 1] if before.any() else 0.0
-            average[lag - size] += averaging * (now - average[lag - size])
+            norm = size * np.std(here) * np.std(before)
+            power[lag - size] += averaging * (norm - power[lag - size])
+            times = norm / power[lag - size] if norm > 0.0 else 0.0
+            average[lag - size] += averaging * (times if times > louder else 1.0) * (now - average[lag - size])
     return float(max(average.max(), 0.0))
 
 
@@ -220,7 +226,9 @@ class NaiveVibration:
         risen = self.kinds[1] + self.kinds[2]
         last = self.glides[-109:]
         glided = any(all(last[i : i + 10]) for i in range(len(last) - 9))
-        odds = self.odds - 6.0 * (glided and not self.chattered)
+        odds = self.odds
+        if glided and not self.chattered:
+            odds = min(odds, rules.odds.unknown_speed) - 6.0
         self.unexplained = float(expit(odds + rules.odds.offset + rules.odds.dominance * self.dominance))
         before = self.alarm_for
         alarm = self.self_excited >= (rules.calm_probability if before else rules.alarm_probability)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,7 +13,7 @@ from benchmarks.verdict.cache import _save, cached_cuts
 from benchmarks.verdict.cut import INTERVAL_SAMPLES, RATE_HZ, Label
 from benchmarks.verdict.cutting import Drive, Mode, vibration
 from benchmarks.verdict.families import FAMILIES
-from benchmarks.verdict.generator import STEP_HZ, _recorded, cut
+from benchmarks.verdict.generator import STEP_HZ, _recorded, cut, simulate
 from benchmarks.verdict.labels import _labels
 from benchmarks.verdict.recipe import Engagement
 from benchmarks.verdict.roots import critical_kappa, rightmost_root
@@ -83,6 +84,18 @@ def test_truth_covers_every_interval(family):
 def spectrum(samples):
     """Amplitude spectrum and its frequencies."""
     return np.abs(np.fft.rfft(samples * np.hanning(samples.size))), np.fft.rfftfreq(samples.size, 1.0 / RATE_HZ)
+
+
+def test_a_feed_that_wanders_does_not_turn():
+    """What moves the tool without teeth that can be told apart is no synchronous power; what teeth add to it is."""
+    shares = []
+    for engagement in (SMOOTH, replace(TEETH, depth=0.4)):
+        rng = np.random.default_rng(3)
+        plain = FAMILIES["stable"](rng)
+        recipe = replace(plain, engagement=engagement, run_out=0.0, feed_wander=0.4, sensor="displacement")
+        shares.append(np.median(simulate(recipe, "cut", "stable", rng).truth.synchronous_share))
+    assert shares[0] < 0.01
+    assert shares[1] > 0.3
 
 
 def test_forced_lines_are_at_the_true_speed():

@@ -65,8 +65,9 @@ class Truth:
     kappa, kappa_critical : ndarray
         Process stiffness over that of the first mode, and its value at the limit of stability at the present speed.
     synchronous_share : ndarray
-        Power of the same cut without anything random in it, and never deeper than 80 % of the limit, over that of
-        the recording with its noise and tones.
+        Power of what turns over that of the recording with its noise and tones: of the same cut without an unsteady
+        force and never deeper than 80 % of the limit, less that of a cutter with no teeth to tell apart, which the
+        wandering feed and depth move alone.
     limited : ndarray
         Part of the time in which the tool is out of the cut or its flank rubs.
     vibration_rms : ndarray

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -65,7 +66,9 @@ def simulate(recipe: Recipe, name: str, family: str, rng: np.random.Generator) -
         critical_kappa(recipe.modes, 60.0 / (recipe.teeth * speed), harmonics) for speed in set(recipe.rpm.values)
     )
     kappa = recipe.depth(t) * limit * (1.0 + recipe.depth_wander * _wander(rng, n, rng.uniform(0.3, 2.0)))
-    mean = kappa * recipe.modes[0].omega ** 2 * _engaged(recipe.engagement, tooth_phase, revolutions)
+    engaged = _engaged(recipe.engagement, tooth_phase, revolutions)
+    process = kappa * recipe.modes[0].omega ** 2
+    mean = process * engaged
     feed = recipe.feed(t) * np.maximum(0.0, 1.0 + recipe.feed_wander * _wander(rng, n, rng.uniform(1.0, 20.0)))
     radii = recipe.run_out * rng.standard_normal(recipe.teeth)
     run_out = feed * _tooth_radius(radii - radii.mean(), tooth_phase, recipe.engagement.edge)
@@ -75,19 +78,25 @@ def simulate(recipe: Recipe, name: str, family: str, rng: np.random.Generator) -
     shallower = np.minimum(1.0, CALM_DEPTH * limit / np.maximum(kappa, 1e-12))
     calm = Drive(mean * shallower, feed, run_out, delay_s * STEP_HZ, np.zeros(n), np.full(n, np.inf))
     forced, steepest = _run(recipe, calm, path, t, keep)
+    # a feed and a depth that wander move the tool as well, teeth or not
+    toothless = replace(calm, stiffness=process * engaged.mean() * shallower, run_out=np.zeros(n))
+    uneven_stock, _ = _run(recipe, toothless, path, t, keep)
     uneven = np.maximum(0.1, 1.0 + recipe.clearance_wander * _wander(rng, n, rng.uniform(0.5, 15.0)))
     beyond = recipe.clearance * recipe.modes[0].omega * uneven
     drive = Drive(unsteady, feed, run_out, delay_s * STEP_HZ, _blows(recipe, t), steepest + beyond)
     heard, _ = _run(recipe, drive, path, t, keep)
     level = recipe.direct * _rms(heard[0].vibration) / _rms(heard[1].vibration)
-    cut_sound, forced_sound = (Sound(m.vibration + level * d.vibration, m.limited) for m, d in (heard, forced))
+    cut_sound, forced_sound, stock_sound = (
+        Sound(m.vibration + level * d.vibration, m.limited) for m, d in (heard, forced, uneven_stock)
+    )
+    turning = forced_sound.vibration - stock_sound.vibration
 
     middle = INTERVAL_S * (np.arange(intervals) + 0.5)
     depth = np.interp(middle, t, kappa)
     usual = float(np.sqrt(np.mean(cut_sound.rms[depth > 0] ** 2)))
     samples = cut_sound.vibration + _tones(rng, recipe, cut_sound.vibration.size, usual)
     samples += usual * 10 ** (-recipe.snr_db / 20.0) * _room_noise(rng, samples.size)
-    share = np.minimum((forced_sound.rms / interval_rms(samples)) ** 2, 1.0)
+    share = np.minimum((interval_rms(turning) / interval_rms(samples)) ** 2, 1.0)
     truth = judge_truth(recipe, harmonics, depth, np.interp(middle, t, rpm), cut_sound, forced_sound.limited, share)
     samples = _delivered(rng, recipe, samples)
     off = rng.choice((-1.0, 1.0)) * rng.uniform(0.01, 0.03)

@@ -11,6 +11,8 @@ from chatter_monitor.kernels.testimony import witness
 from chatter_monitor.kernels.vibrations import NO_LINE, follow_all, suspicion_of
 
 NONE = -1
+# Chatter takes the power: what has risen and takes less than so much of it is hardly ever followed by chatter.
+SUSPECT_SHARE = 0.2
 
 
 class Overview(NamedTuple):
@@ -19,11 +21,11 @@ class Overview(NamedTuple):
     Attributes
     ----------
     suspicion, heard_suspicion : float
-        Probability that the most suspicious has risen and that nothing that turns explains it; that of the most
-        suspicious that is heard.
+        Probability that the most suspicious has risen and that nothing that turns explains it; that of the suspect.
     alarm, suspect, steadiest : int
-        Number of the one that the running alarm began with; of the most suspicious that is heard; of that with most
-        steady power, which is none of what has chattered, for that dies down as calmly. `NONE` where there is none.
+        Number of the one that the running alarm began with; of the most suspicious that is heard and takes
+        `SUSPECT_SHARE`; of that with most steady power, which is none of what has chattered, for that dies down as
+        calmly. `NONE` where there is none.
     steady_share, chattered_share : float
         Shares of the power that are steady, and in lines of what has chattered.
     """
@@ -52,7 +54,7 @@ def overview(vibrations, lines):
             alarm, longest = i, vibration.alarm_for
         if vibration.line == NO_LINE:
             continue
-        if suspect == NONE:
+        if suspect == NONE and vibration.dominance >= SUSPECT_SHARE:
             suspect, heard_suspicion = i, suspicious
         line = lines[vibration.line]
         if vibration.chattered:

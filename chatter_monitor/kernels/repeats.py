@@ -22,8 +22,9 @@ THINNED = 2
 # The longest lag in frames, that of a rotation at 600 rpm; the shortest is half of it, so that a multiple of every
 # period is between them.
 LONGEST = 2
-# Weight of a frame in the average of the correlations.
-AVERAGING = 0.25
+# Weight of a frame in the average of the correlations. One that is so many times as powerful as those before weighs by
+# its power: a tool that enters is not heard out of the air before it.
+AVERAGING, LOUDER = 0.25, 2.0
 # Frames that a change of loudness is looked for in; in each of them so much repeats, and in one so many times fainter.
 CHANGING, MOST, FAINTER = 4, 0.5, 1.4
 
@@ -35,8 +36,8 @@ class Repeats(NamedTuple):
     ----------
     samples : ndarray of float64, shape ((LONGEST + 1) n / THINNED,)
         The latest, thinned, oldest first; n is that of a frame.
-    correlation : ndarray of float64, shape (n / THINNED + 1,)
-        Average of the correlation at each lag, the longest first.
+    correlation, norms : ndarray of float64, shape (n / THINNED + 1,)
+        Average of the correlation at each lag, the longest first, and of the powers that it is over.
     products : ndarray of float64, shape (n / THINNED + 1,)
         Work space.
     now : ndarray of float64, shape (CHANGING,)
@@ -49,6 +50,7 @@ class Repeats(NamedTuple):
 
     samples: np.ndarray
     correlation: np.ndarray
+    norms: np.ndarray
     products: np.ndarray
     now: np.ndarray
     times: np.ndarray
@@ -62,6 +64,7 @@ def new_repeats(frame: int) -> Repeats:
     return Repeats(
         samples=np.zeros((LONGEST + 1) * size),
         correlation=np.zeros(size + 1),
+        norms=np.zeros(size + 1),
         products=np.zeros(size + 1),
         now=np.zeros(CHANGING),
         times=np.zeros(CHANGING),
@@ -76,7 +79,7 @@ def repeating_share(frame, repeats):
 
     For a sample that is missing, which is not finite, the one before stands in.
     """
-    samples, correlation, products = repeats.samples, repeats.correlation, repeats.products
+    samples, correlation, norms, products = repeats.samples, repeats.correlation, repeats.norms, repeats.products
     size = correlation.shape[0] - 1
     begin = samples.shape[0] - size
     for t in range(begin):
@@ -100,11 +103,13 @@ def repeating_share(frame, repeats):
     where = 0
     for i in range(size + 1):
         before = square - total * total / size
-        norm = power * before
-        now = products[i] / math.sqrt(norm) if norm > 0.0 else 0.0
+        norm = math.sqrt(max(power * before, 0.0))
+        now = products[i] / norm if norm > 0.0 else 0.0
         if now > most:
             most, where, past = now, i, before
-        correlation[i] += AVERAGING * (now - correlation[i])
+        norms[i] += AVERAGING * (norm - norms[i])
+        weight = AVERAGING * norm / norms[i] if norm > LOUDER * norms[i] else AVERAGING
+        correlation[i] += weight * (now - correlation[i])
         share = max(share, correlation[i])
         total += samples[i + size] - samples[i]
         square += samples[i + size] * samples[i + size] - samples[i] * samples[i]

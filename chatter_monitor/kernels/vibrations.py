@@ -306,9 +306,12 @@ def _another_interval(vibration, seen, news, rules, arrived):
     """Whether it has risen and stayed, whether something that turns explains it, and whether that is an alarm."""
     kinds = follow(_kinds(vibration), seen, news, rules.chain, vibration.chattered or arrived)
     risen = kinds.growing + kinds.saturated
-    odds = vibration.order_odds + rules.odds.offset + rules.odds.dominance * vibration.dominance
+    place = vibration.order_odds
+    odds = rules.odds.offset + rules.odds.dominance * vibration.dominance
     if vibration.glided > 0 and not vibration.chattered:
         odds += GLIDES
+        place = min(place, rules.odds.unknown_speed)  # if the spindle takes it along, nobody knows its speed
+    odds += place
     vibration.unexplained = 1.0 / (1.0 + math.exp(-odds))
     alarmed = vibration.alarm_for > 0
     if risen * vibration.unexplained >= (rules.calm_probability if alarmed else rules.alarm_probability):

@@ -98,7 +98,7 @@ class Told:
 
     @property
     def suspect(self) -> Followed | None:
-        """The most suspicious that is heard."""
+        """The most suspicious that is heard and takes enough of the power to be chatter."""
         return self._followed(self.overview.suspect)
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from chatter_monitor.kernels.kinds import LINE, NOISE_VARIATION
-from chatter_monitor.kernels.overview import NONE, forced_at, overview
+from chatter_monitor.kernels.overview import NONE, SUSPECT_SHARE, forced_at, overview
 from chatter_monitor.kernels.vibrations import NO_LINE, VIBRATION
 
 
@@ -23,6 +23,7 @@ def some(seed, count):
     vibrations["unexplained"] = rng.random(count)
     vibrations["chattered"] = rng.random(count) < 0.4
     vibrations["alarm_for"] = np.where(vibrations["chattered"], rng.integers(0, 3, count), 0)
+    vibrations["dominance"] = rng.uniform(0.0, 1.0, count)
     vibrations["line"] = np.where(rng.random(count) < 0.3, NO_LINE, rng.permutation(count))
     lines["share"], lines["variation"] = rng.uniform(0.0, 0.3, count), rng.uniform(0.0, 1.0, count)
     return vibrations, lines
@@ -36,18 +37,19 @@ def first(values):
 @pytest.mark.parametrize("count", [0, 1, 3, 12])
 @pytest.mark.parametrize("seed", range(8))
 def test_overview_is_what_it_says(seed, count):
-    """The alarm is the oldest, the suspect the first that is heard; steady is what neither varies nor has chattered."""
+    """The alarm is the oldest, the suspect the first with enough power; steady neither varies nor has chattered."""
     vibrations, lines = some(seed, count)
     heard = vibrations["line"] != NO_LINE
+    strong = heard & (vibrations["dominance"] >= SUSPECT_SHARE)
     own = lines[vibrations["line"]]
     steady = np.maximum(own["share"] * (1.0 - (own["variation"] / NOISE_VARIATION) ** 2), 0.0)
     steady[~heard | vibrations["chattered"]] = 0.0
     seen = overview(vibrations, lines)
     suspicion = (vibrations["growing"] + vibrations["saturated"]) * vibrations["unexplained"]
     assert seen.suspicion == pytest.approx(max(suspicion, default=0.0))
-    assert seen.heard_suspicion == pytest.approx(next(iter(suspicion[heard]), 0.0))
+    assert seen.heard_suspicion == pytest.approx(next(iter(suspicion[strong]), 0.0))
     assert seen.alarm == first(vibrations["alarm_for"])
-    assert seen.suspect == first(heard)
+    assert seen.suspect == first(strong)
     assert seen.steadiest == first(steady)
     assert seen.steady_share == pytest.approx(steady.sum())
     assert seen.chattered_share == pytest.approx(own["share"][heard & vibrations["chattered"]].sum())

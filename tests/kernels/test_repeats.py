@@ -46,8 +46,10 @@ def test_it_is_that_of_the_twin(seed, frame):
     """The share is that of the plain definition, whatever is left of a frame's samples when they are taken by fours."""
     samples = teeth(0.6, 40.0, seed) + noise(0.6, seed) + 3.0
     samples = samples[: len(samples) // frame * frame]
-    told = listen(samples, frame)[0][-1]
-    assert told == pytest.approx(naive.repeating(samples, frame, repeats.THINNED, repeats.AVERAGING), abs=1e-9)
+    constants = frame, repeats.THINNED, repeats.AVERAGING, repeats.LOUDER
+    for gain in (1.0, np.where(np.arange(len(samples)) < 7.5 * frame, 0.01, 1.0)):  # a tool that enters
+        told = listen(gain * samples, frame)[0][-1]
+        assert told == pytest.approx(naive.repeating(gain * samples, *constants), abs=1e-9)
 
 
 @pytest.mark.parametrize("rotation_hz", [10.0, 13.7, 60.0, 149.0])
@@ -56,6 +58,14 @@ def test_it_is_about_the_share_that_turns(rotation_hz, share):
     """A rotation of any speed is heard, without being told, after half a second, however loud."""
     samples = np.sqrt(share) * teeth(1.0, rotation_hz) + np.sqrt(1.0 - share) * noise(1.0)
     assert listen(1e-4 * samples)[0][10:] == pytest.approx(share, abs=0.15)
+
+
+def test_a_tool_that_enters_is_heard_within_three_frames():
+    """Air is not averaged into what repeats: its share is that of the cut as soon as that has two whole frames."""
+    entry = 20 * FRAME + FRAME // 3
+    samples = np.sqrt(0.8) * teeth(2.0, 40.0) + np.sqrt(0.2) * noise(2.0)
+    samples = np.where(np.arange(len(samples)) < entry, 0.01, 1.0) * samples
+    assert listen(samples)[0][23] == pytest.approx(0.8, abs=0.15)
 
 
 def test_little_of_noise_repeats():

@@ -64,9 +64,10 @@ def evidence(*vibrations, critical=None, orders=UNKNOWN_SPEED, margin=NO_MARGIN,
     )
 
 
-def remembered(vibration):
-    """Memory of an interval in which this was the only vibration."""
+def remembered(vibration, dominance=1.0):
+    """Memory of an interval in which this was the only vibration, with so much of the power."""
     records = np.zeros(1, VIBRATION)
+    records["dominance"] = dominance
     for name, probability in vibration.kinds._asdict().items():
         records[name] = probability
     for name in ("frequency_hz", "unexplained", "alarm_for", "chattered"):
@@ -173,6 +174,7 @@ def test_a_warning_tells_what_is_not_certain():
         view = opinion(GROWS, remembered(suspect), JudgeSettings())
         assert view.state == "approaching"
         assert view.reasons[0].endswith(why)
+        assert opinion(GROWS, remembered(suspect, dominance=0.1), JudgeSettings()).state == "stable"  # not the power
 
 
 @pytest.mark.parametrize(
