@@ -11,6 +11,7 @@ from chatter_monitor.kernels.options import EXACT, OPTIONS
 FLOOR_BINS = 128
 # Bins on either side of a line in which the noise beside it is heard: nearer than the sidebands of another line.
 BESIDE = 16
+GROUP = 8  # bins that are looked at together, before each by itself
 # What a self-excited vibration brings along: multiples of its frequency, and sidebands on either side of each.
 OVERTONES = 3
 SIDEBANDS = 4
@@ -81,19 +82,41 @@ def crests_beside(power, line_to_noise, lowest, least, peaks):
     What has less power than ``least`` does not count.
     """
     count = 0
-    last = power.shape[0] - 1
-    for b in range(max(lowest, 1), last):
-        if power[b] >= least and _is_crest(power, b):
-            # no more than half of them are louder, so the median is not
-            enough = power[b] * math.log(2.0) / line_to_noise
-            low, high = max(b - BESIDE, 0), min(b + BESIDE, last)
-            loud = 0
-            for i in range(low, high + 1):
-                loud += power[i] > enough
-            if 2 * loud <= high - low:
-                peaks[count] = b
-                count += 1
+    first, last = max(lowest, 1), power.shape[0] - 1
+    for begin in range(first, last, GROUP):
+        end = min(begin + GROUP, last)
+        highest = 0.0
+        for b in range(begin, end):
+            highest = power[b] if power[b] > highest else highest
+        if highest < least or _loud_beside_all(power, begin, highest * math.log(2.0) / line_to_noise):
+            continue
+        for b in range(begin, end):
+            if power[b] >= least and _is_crest(power, b):
+                # no more than half of them are louder, so the median is not
+                enough = power[b] * math.log(2.0) / line_to_noise
+                low, high = max(b - BESIDE, 0), min(b + BESIDE, last)
+                loud = 0
+                for i in range(low, high + 1):
+                    loud += power[i] > enough
+                if 2 * loud <= high - low:
+                    peaks[count] = b
+                    count += 1
     return count
+
+
+@njit(**OPTIONS)
+def _loud_beside_all(power, begin, enough):
+    """Whether more than half of the bins beside any bin of a group are louder than is enough for its loudest one.
+
+    Those that are beside all of them tell, as nearly always: then none of the group stands out.
+    """
+    if begin < BESIDE or begin + GROUP + BESIDE > power.shape[0]:
+        return False
+    beside = power[begin + GROUP - 1 - BESIDE :]
+    loud = 0
+    for i in range(2 * BESIDE + 2 - GROUP):
+        loud += beside[i] > enough
+    return loud > BESIDE
 
 
 @njit(**OPTIONS)

@@ -126,10 +126,27 @@ def medians_where(columns, status, hold, wanted, values, medians, counts):
             medians[m, i] = math.nan
             if 2 * counts[m, wanted] <= rows:
                 continue
-            found = 0
-            for t in range(0, rows, hold[m]):  # without a branch: which values count changes without a rule
-                value = columns[i][t, m]
-                values[found] = value
-                found += (status[t, m] == wanted) & (value == value)
+            found = _copy_numbers(columns[i][:, m], hold[m], values)
+            if counts[m, wanted] < rows or found * hold[m] < rows:  # not all of them count
+                found = 0
+                for t in range(0, rows, hold[m]):  # without a branch: which values count changes without a rule
+                    value = columns[i][t, m]
+                    values[found] = value
+                    found += (status[t, m] == wanted) & (value == value)
             if found > 0:
                 medians[m, i] = median_of_many(values[:found])
+
+
+@njit(**OPTIONS)
+def _copy_numbers(column, hold, values):
+    """Copy the values that are looked at, in vector instructions; return how many of them are not NaN."""
+    numbers = 0
+    if hold == 1:  # as the compiler has to know for that
+        for t in range(column.shape[0]):
+            values[t] = column[t]
+            numbers += column[t] == column[t]
+    else:
+        for i in range((column.shape[0] + hold - 1) // hold):
+            values[i] = column[i * hold]
+            numbers += values[i] == values[i]
+    return numbers

@@ -288,8 +288,32 @@ def show(first, begin, chosen, columns, filled, out):
 @njit(**OPTIONS)
 def _hold(halvings, begin, values, out):
     """Show an octave's values at the samples of a frame, shape (samples,); each stands until the next."""
-    for t in range(out.shape[0]):
-        out[t] = values[_row(begin + t, begin, halvings)]
+    samples, each = out.shape[0], 1 << halvings
+    row = _row(begin, begin, halvings)
+    shown = min(-begin % each, samples)  # of the value that stands since the frame before
+    for t in range(shown):
+        out[t] = values[row]
+    row += shown > 0
+    whole, rest = values[row:], out[shown:]
+    rows = (samples - shown) // each
+    if each == 1:
+        _repeat(1, whole, rows, rest)
+    elif each == 2:
+        _repeat(2, whole, rows, rest)
+    elif each == 4:
+        _repeat(4, whole, rows, rest)
+    else:
+        _repeat(each, whole, rows, rest)
+    for t in range(each * rows, rest.shape[0]):
+        rest[t] = whole[rows]
+
+
+@njit(forceinline=True, **OPTIONS)
+def _repeat(each, values, rows, out):
+    """Show each value so many times: where the compiler knows the number it has instructions for that."""
+    for row in range(rows):
+        for i in range(each):
+            out[each * row + i] = values[row]
 
 
 @njit(**OPTIONS)

@@ -18,6 +18,7 @@ import math
 
 from numba import njit
 
+from chatter_monitor.kernels.lanes import as_lanes, fma
 from chatter_monitor.kernels.options import SUMS
 
 # Indices into the parameters
@@ -37,21 +38,23 @@ ROOM = TILE + 8  # places of a row: the window reaches three beyond a tile; whol
 # Rows of the work space: how far the wave of the delay turns from bin to bin; logarithm of the frequency, then the
 # signal and its derivatives by the parameters, at the bins from one before the tile on, and again half a bin before
 # each; the periodogram, 1 for the bins in use; S, its factor in the likelihood, how far the periodogram exceeds it;
-# its logarithmic derivatives by the parameters.
+# its logarithmic derivatives by the parameters; sums of products of those rows, of every eighth bin by itself.
 TURN_REAL, TURN_IMAG = 0, ROOM
 AT = 2 * ROOM
 BETWEEN = AT + PARAMETERS * ROOM
 SIGNAL = ROOM  # from the logarithm of the frequency on
 PERIODOGRAM, COUNTS, SPECTRUM, FACTOR, EXCESS, SLOPES = (BETWEEN + (PARAMETERS + i) * ROOM for i in range(6))
-WORK = SLOPES + PARAMETERS * ROOM
-TOGETHER = 4  # factors whose product is far from underflow
+PRODUCTS = SLOPES + PARAMETERS * ROOM
+LANES = 8
+WORK = PRODUCTS + PARAMETERS * (PARAMETERS + 3) // 2 * LANES
+TOGETHER = 8  # factors whose product is far from underflow
 
 
 @njit(inline="always", **SUMS)
 def _exponential(x):
     """exp(x) by the series for x / 64: relative 1e-12 up to 5, which the compiler can do for several x at once."""
     y = x / 64.0
-    series = 1 / 6 + y * (1 / 24 + y * (1 / 120 + y * (1 / 720 + y * (1 / 5040 + y / 40320))))
+    series = 1 / 6 + y * (1 / 24 + y * (1 / 120 + y * (1 / 720 + y * (1 / 5040 + y * (1 / 40320)))))
     power = 1.0 + y * (1.0 + y * (0.5 + y * series))
     for _ in range(6):
         power *= power
@@ -68,14 +71,15 @@ def _copy(values, count, work, row):
 @njit(inline="always", **SUMS)
 def _respond(theta, omega, bin_width, work, rows):
     """Fill rows with the signal and its derivatives at places a bin apart, the first at the angular frequency omega."""
-    gain, slope, w = math.exp(theta[LOG_GAIN]), theta[SLOPE], math.exp(theta[LOG_OMEGA])
+    gain, slope = math.exp(theta[LOG_GAIN]), theta[SLOPE]
+    inverse_w = math.exp(-theta[LOG_OMEGA])  # of 1 / w the compiler makes a division in each place again
     zeta, kappa, tau = math.exp(theta[LOG_ZETA]), theta[KAPPA], math.exp(theta[LOG_TAU])
     real, imag = math.cos(omega * tau), -math.sin(omega * tau)
     for t in range(ROOM):
         turned = omega + t * bin_width
         cosine = real * work[TURN_REAL + t] - imag * work[TURN_IMAG + t]
         sine = real * work[TURN_IMAG + t] + imag * work[TURN_REAL + t]
-        r = turned / w
+        r = turned * inverse_w
         damper = 2.0 * zeta * r
         in_phase = 1.0 - r * r + kappa * (1.0 - cosine)
         quadrature = damper - kappa * sine
@@ -135,10 +139,7 @@ def whittle(theta, first, bin_width, log_frequency, periodogram, used, work, spe
     for t in range(ROOM):
         work[TURN_REAL + t], work[TURN_IMAG + t] = wave.real, wave.imag
         wave *= turn
-    for i in range(PARAMETERS):
-        score[i] = 0.0
-        for j in range(PARAMETERS):
-            information[i, j] = 0.0
+    work[PRODUCTS:] = 0.0
     total = 0.0
     for begin in range(0, periodogram.shape[0], TILE):
         bins = min(TILE, periodogram.shape[0] - begin)
@@ -155,19 +156,39 @@ def whittle(theta, first, bin_width, log_frequency, periodogram, used, work, spe
         here = spectrum[begin:]
         for t in range(bins):
             here[t] = work[SPECTRUM + t]
-        for i in range(PARAMETERS):
-            along = 0.0
-            for t in range(TILE):
-                along += work[EXCESS + t] * work[SLOPES + i * ROOM + t]
-            score[i] += along
-            for j in range(i + 1):
-                product = 0.0
-                for t in range(TILE):
-                    product += work[SLOPES + i * ROOM + t] * work[SLOPES + j * ROOM + t]
-                information[i, j] += product
+        _multiply(work)
+    row = PRODUCTS
     for i in range(PARAMETERS):
-        for j in range(i):
-            information[j, i] = information[i, j]
+        score[i] = _sum(work, row)
+        row += LANES
+        for j in range(i + 1):
+            information[i, j] = information[j, i] = _sum(work, row)
+            row += LANES
+    return total
+
+
+@njit(forceinline=True, **SUMS)
+def _multiply(work):
+    """Add the products of a tile: of each derivative with the excess, and with those before and itself."""
+    rows = as_lanes(work, LANES)
+    place = PRODUCTS // LANES
+    for i in range(PARAMETERS):
+        slope = (SLOPES + i * ROOM) // LANES
+        for j in range(-1, i + 1):  # the excess lies before the derivatives
+            other = (SLOPES + j * ROOM) // LANES
+            products = rows[place]
+            for t in range(TILE // LANES):
+                products = fma(rows[slope + t], rows[other + t], products)
+            rows[place] = products
+            place += 1
+
+
+@njit(forceinline=True, **SUMS)
+def _sum(work, row):
+    """Sum of a row of lanes."""
+    total = 0.0
+    for t in range(LANES):
+        total += work[row + t]
     return total
 
 

@@ -36,6 +36,7 @@ _CONFIDENCE_95 = 1.96
 # Regeneration is visible when kappa is so many standard deviations above zero.
 _VISIBLE = 2.0
 _PHYSICAL = [LOG_OMEGA, LOG_ZETA, KAPPA, LOG_TAU]
+_PAIRS = np.ix_(_PHYSICAL, _PHYSICAL)
 # Relative change of the rotation, in its standard deviations, after which the comb of the delay is another one.
 _OTHER_SPEED = 4.0
 # The mode is looked for anew when the strongest peak is farther than this from it.
@@ -47,8 +48,6 @@ _STEPS = 6  # from one fit to the next
 _WIDTHS = (1.6, 1.3, 1.12)
 _OTHER_MODES = 2.0
 _UNEXPLAINED = 4.0
-# What rises less than this above the median of its surroundings is no mode.
-_STANDS_OUT = 4.0
 _NO_MODE = "no mode stands out"
 _UNLIKE = "the spectrum is not that of one mode with regeneration"
 
@@ -108,7 +107,7 @@ class Margin:
 def margin_of(found: Fit, lack_of_fit: float) -> Margin:
     """What a fit means for the cut, intervals by the delta method."""
     physical = found.theta[_PHYSICAL]
-    covariance = lack_of_fit * found.covariance[np.ix_(_PHYSICAL, _PHYSICAL)]
+    covariance = lack_of_fit * found.covariance[_PAIRS]
     if not np.isfinite(covariance).all():
         return Margin(reason=_UNLIKE)
     omega, zeta, kappa, tau = _natural(physical)
@@ -116,7 +115,7 @@ def margin_of(found: Fit, lack_of_fit: float) -> Margin:
     gradients = np.empty((2, len(physical)))
     sensitivity(physical, root, 1e-5, gradients)
     ratio, damping = ratio_and_damping(physical, root)
-    ratio_sd, damping_sd = np.sqrt(np.einsum("ij,jk,ik->i", gradients, covariance, gradients)).tolist()
+    ratio_sd, damping_sd = np.sqrt(((gradients @ covariance) * gradients).sum(axis=1)).tolist()
     if not math.isfinite(ratio_sd + damping_sd):
         return Margin(reason=_UNLIKE)
     low, high = ratio - _CONFIDENCE_95 * ratio_sd, ratio + _CONFIDENCE_95 * ratio_sd
@@ -294,7 +293,7 @@ class MarginTracker:
             found = yield from fit(band, prior, theta, _STEPS)
             lack_of_fit = band.lack_of_fit
             self._fit, self._width = found, width
-            self._margin = margin_of(found, lack_of_fit) if band.contrast > _STANDS_OUT else Margin(reason=_NO_MODE)
+            self._margin = margin_of(found, lack_of_fit) if band.stands_out else Margin(reason=_NO_MODE)
             if lack_of_fit < _OTHER_MODES:
                 return
             theta = None

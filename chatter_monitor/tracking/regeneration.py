@@ -50,6 +50,8 @@ _BINS_AT_ONCE = (
     3000  # that are evaluated in one piece, at most, but for one evaluation: about a quarter of a millisecond
 )
 _DELAY_RANGE = 2.5  # standard deviations of the given delay that are searched
+# What rises less than this above the median of its surroundings is no mode.
+_STANDS_OUT = 4.0
 _DETERMINED = 1e-9  # least eigenvalue of an information matrix scaled to a diagonal of 1; rounding is 1e-16
 
 
@@ -130,7 +132,7 @@ class Band:
 
     def leave_out_outliers(self) -> None:
         """Leave out what stands out of the spectrum that was evaluated last: lines of other sources, narrow modes."""
-        strange = self.periodogram > exceeded_by_chance(self.weight) * self.model
+        strange = self.periodogram > exceeded_by_chance(self.weight) * self._spectrum
         self.used &= ~np.convolve(strange, np.ones(2 * LINE_BINS + 1, np.bool_), "same")
 
     @property
@@ -139,21 +141,17 @@ class Band:
 
         Not below 1, so that a variance may be multiplied by it.
         """
-        excess = (self.periodogram / self.model - 1.0)[self.used]
+        excess = (self.periodogram / self._spectrum - 1.0)[self.used]
         size = max(_LEAST_GROUP, len(excess) // _GROUPS)
         groups = len(excess) // size
         sums = excess[: groups * size].reshape(groups, size).sum(axis=1)
         return max(1.0, float(self.weight * (sums @ sums) / size) / max(1, groups - PARAMETERS))
 
     @property
-    def contrast(self) -> float:
-        """How far the largest of the spectrum that was evaluated last stands out of its median."""
-        return float(self.model.max() / np.median(self.model))
-
-    @property
-    def model(self) -> Array:
-        """Spectrum at the bins that was evaluated last."""
-        return self._spectrum.copy()
+    def stands_out(self) -> bool:
+        """Whether the largest of the spectrum that was evaluated last stands out of its median."""
+        below = np.count_nonzero(self._spectrum < self._spectrum.max() / _STANDS_OUT)
+        return bool(2 * below > len(self._spectrum))
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,11 +222,12 @@ def covariance_of(information: Array) -> Array:
 
     Near to singular, rounding would give an inverse with negative variances.
     """
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    relative = information / np.outer(scale, scale)
+    scale = np.sqrt(np.maximum(information.diagonal(), 1e-300))
+    scales = scale[:, np.newaxis] * scale
+    relative = information / scales
     if np.linalg.eigvalsh(relative)[0] < _DETERMINED:
         return np.full(information.shape, np.inf)
-    return np.asarray(np.linalg.inv(relative) / np.outer(scale, scale), dtype=np.float64)
+    return np.asarray(np.linalg.inv(relative) / scales, dtype=np.float64)
 
 
 def search(band: Band, prior: Prior) -> Pieces[Fit]:
