@@ -1,9 +1,9 @@
 """Power of a long real signal at each frequency: parts of it side by side in lanes, and then joined.
 
-The signal makes a complex one of half its length; of that each lane has every eighth number. Their transforms go through
-Stockham's passes like short ones (`kernels.transform`), and eight of their numbers at a time make eight of the whole
-(Van Loan, Computational Frameworks for the Fast Fourier Transform, 1992, section 3.3). What numbers are multiplied by
-comes from tables; of the last step it is powers of one of them.
+The signal makes a complex one of half its length; of that each lane has every eighth number. Their transforms go
+through Stockham's passes like short ones (`kernels.transform`), and eight of their numbers at a time make eight of the
+whole (Van Loan, Computational Frameworks for the Fast Fourier Transform, 1992, section 3.3). What numbers are
+multiplied by comes from tables; of the last step it is powers of one of them.
 """
 
 import math
