@@ -24,9 +24,20 @@ def real_transform(re, im, work_re, work_im, turns):
     turns : ndarray of complex128, shape (points,)
         Powers of exp(-2 pi i / points); points are a power of two.
     """
-    points = turns.shape[0]
-    half = points // 2
-    left, beside = half, 1  # points of a transform that is left to do, and how many of these lie beside each other
+    half = turns.shape[0] // 2
+    if transform(re, im, work_re, work_im, half, turns):
+        for k in range(half):
+            re[k], im[k] = work_re[k], work_im[k]
+    _part(re, im, half, turns)
+
+
+@njit(**OPTIONS)
+def transform(re, im, work_re, work_im, points, turns):
+    """Transform complex signals of so many points; the result is in the work space if that is what is returned.
+
+    ``turns`` may be powers of a root for more points. Otherwise as `real_transform`.
+    """
+    left, beside = points, 1  # points of a transform that is left to do, and how many of these lie beside each other
     there = False  # where the numbers are
     while left > 1:
         parts = 4 if left >= 4 else 2
@@ -37,10 +48,7 @@ def real_transform(re, im, work_re, work_im, turns):
         there = not there
         left //= parts
         beside *= parts
-    if there:
-        for k in range(half):
-            re[k], im[k] = work_re[k], work_im[k]
-    _part(re, im, half, turns)
+    return there
 
 
 @njit(**OPTIONS)

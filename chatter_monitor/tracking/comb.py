@@ -14,10 +14,10 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 from scipy.special import gammaln
 
 from chatter_monitor.kernels import comb as kernel
+from chatter_monitor.kernels.long_transform import LEAST_POINTS, Tables, new_tables, new_work, power_spectrum
 
 # Power of a line over the noise around it; noise alone reaches it about once in twenty spectra.
 LINE_TO_NOISE = 17.0
@@ -143,6 +143,15 @@ def _window(samples: int) -> NDArray[np.float64]:
     return window
 
 
+@cache
+def _tables(points: int) -> Tables:
+    """What the transform of so many points takes; shared likewise."""
+    tables = new_tables(points)
+    for table in tables:
+        table.flags.writeable = False
+    return tables
+
+
 class Spectrum:
     """Lines of stretches of a signal.
 
@@ -158,7 +167,7 @@ class Spectrum:
 
     def __init__(self, samples: int, sample_rate_hz: float, lowest_hz: float) -> None:
         self._window = _window(samples)
-        self._size = 1 << (samples - 1).bit_length()
+        self._size = max(LEAST_POINTS, 1 << (samples - 1).bit_length())
         self._bin_hz = sample_rate_hz / self._size
         self._exact_hz = EXACT_BINS * sample_rate_hz / samples
         self._windowed = np.zeros(self._size)  # and as many zeros as make a fast transform
@@ -187,7 +196,7 @@ class Spectrum:
             part = slice(begin, begin + len(samples))
             np.multiply(samples, self._window[part], out=self._windowed[part])
             begin = part.stop
-        kernel.power_of(fft.rfft(self._windowed), self._power)
+        power_spectrum(self._windowed, _tables(self._size), new_work(self._size), self._power)
         return self._power
 
     def _apart(self, peaks: NDArray[np.int64], most: int) -> Lines:
