@@ -13,7 +13,9 @@ from chatter_monitor.discrepancy.live.decimate import Decimator
 from chatter_monitor.discrepancy.live.found import Found
 from chatter_monitor.discrepancy.live.refit import refit
 from chatter_monitor.discrepancy.live.watch import Watch
+from chatter_monitor.discrepancy.live.windows import FINE_BANDS
 from chatter_monitor.discrepancy.observer import Linear
+from chatter_monitor.kernels.live_signatures import FEW
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Mode, Sensor, Spindle
 from chatter_monitor.physics.simulate import simulate
@@ -63,6 +65,15 @@ def test_pieces_are_decimated_as_the_whole(up_to):
     np.testing.assert_array_equal(missing_too, missing)
     t = np.arange(expected.size) / whole.rate_hz
     np.testing.assert_allclose(expected[~missing], np.sin(np.pi * up_to * t)[~missing], atol=2e-3)
+
+
+@pytest.mark.parametrize("up_to", [3.0, 40.0, 120.0, 5000.0])
+def test_a_block_has_ordinates_for_every_band(up_to):
+    """However slow a machine is, the spectrum of a block fills the bands in which a second mode would show."""
+    decimator = Decimator(RATE_HZ, up_to)
+    assert decimator.block % FEW == 0
+    assert decimator.block // 2 >= 2 * FINE_BANDS
+    assert decimator.block / decimator.rate_hz == pytest.approx(0.5, rel=0.1) or decimator.block == 512
 
 
 def test_missing_samples_are_missing_after_decimation():

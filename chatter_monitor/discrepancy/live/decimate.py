@@ -15,6 +15,7 @@ Vector = NDArray[np.float64]
 
 SAMPLES_PER_PERIOD = 10.0  # of the fastest mode, at least: room for its fourth harmonic
 BLOCK_S = 0.5  # about, of what is given at once
+LEAST_BLOCK = 512  # samples: the spectrum of fewer has less than a few ordinates in each band that is looked at
 _ROW = 16  # samples of the lower rate that the low-pass reaches to either side, and that it makes at once; divides FEW
 _UP = (1, 2, 4)  # numerators of the ratio; divide _ROW
 
@@ -42,7 +43,7 @@ class Decimator:
         least = min(SAMPLES_PER_PERIOD * highest_mode_hz / rate_hz, 1.0)
         self.ratio = min(Fraction(up, int(up / least + 1e-9)) for up in _UP)
         self.rate_hz = rate_hz * float(self.ratio)
-        self.block = FEW * max(1, round(BLOCK_S * self.rate_hz / FEW))
+        self.block = max(FEW * round(BLOCK_S * self.rate_hz / FEW), LEAST_BLOCK)
         up, down = self.ratio.numerator, self.ratio.denominator
         self._advance = _ROW // up * down  # samples that come for a row of those that go
         # What the low-pass reaches of the rows before and after: as far as the rows are long.

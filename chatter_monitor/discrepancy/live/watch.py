@@ -93,7 +93,7 @@ class Watch:
         """Go by another speed from now on."""
         if spindle != self._system.spindle:
             self._system = replace(self._system, spindle=spindle)
-            self._begin(self._history.end)
+            self._begin(self._history.end + self._block)  # of the block that has begun a part is at the last speed
 
     def sample_of(self, number: int) -> int:
         """Number of the sample of the signal at sample `number` of what is watched."""
