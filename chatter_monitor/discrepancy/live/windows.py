@@ -65,9 +65,12 @@ class Blocks:
             np.zeros((kept, few, few)), np.zeros((kept, every, every)), np.zeros((kept, 2, BANDS)),
             np.zeros((kept, FINE_BANDS)),
         )  # fmt: skip
+        # What every comparison of a change is told: its columns, and what the powers are made of.
+        ordinates = newest // 2
+        self._compared = 2, linear, ordinates / BANDS, shapes, ordinates / FINE_BANDS
         summary, spectrum = no_summary(1, newest), np.zeros(newest // 2 + 1, dtype=np.complex128)
         self._append = bound(kernel.append, self._sums, 0, summary, 1, spectrum, self._edges, self._fine_edges)
-        self._quiet = bound(kernel.quiet, *self._told((), (), np.zeros(3), 0.0))
+        self._quiet = bound(kernel.quiet, *self._asked((), (), np.zeros(3), 0.0))
 
     def __len__(self) -> int:
         return len(self.firsts)
@@ -146,7 +149,7 @@ class Blocks:
         nats : float
             Of a scout.
         """
-        return bool(self._quiet(*self._told(changes, forces, little, nats)))
+        return bool(self._quiet(*self._asked(changes, forces, little, nats)))
 
     def little(self, p: float) -> Vector:
         """What `quiet` takes for little: where `changed_p` would be about p."""
@@ -155,12 +158,10 @@ class Blocks:
             [chdtri(self._linear, each), chdtri(BANDS - 1, each), chdtri(1, each / max(len(self._shapes), 1))]
         )
 
-    def _told(self, changes: Sequence[int], forces: Sequence[int], little: Vector, nats: float) -> tuple[object, ...]:
-        ordinates = self._newest // 2
-        return (
-            self._sums, len(self), _array(changes), _array(forces), 2, self._linear, ordinates / BANDS, self._shapes,
-            ordinates / FINE_BANDS, little, _LOST, RIDGE, nats,
-        )  # fmt: skip
+    def _asked(self, changes: Sequence[int], forces: Sequence[int], little: Vector, nats: float) -> tuple[object, ...]:
+        """What `kernel.quiet` is told."""
+        sizes = _array(changes), _array(forces)
+        return (self._sums, len(self), *sizes, *self._compared, little, _LOST, RIDGE, nats)
 
     def changed_p(self, sizes: Sequence[int]) -> Vector:
         """How often chance makes the newest blocks differ as much from those before them.
@@ -174,11 +175,7 @@ class Blocks:
             How many are the newest, for each window.
         """
         retuned, coloured, shaped = np.empty((3, len(sizes)))
-        ordinates = self._newest // 2
-        kernel.changed(
-            self._sums, len(self), _array(sizes), 2, self._linear, ordinates / BANDS, self._shapes,
-            ordinates / FINE_BANDS, retuned, coloured, shaped,
-        )  # fmt: skip
+        kernel.changed(self._sums, len(self), _array(sizes), *self._compared, retuned, coloured, shaped)
         p = [
             chdtrc(self._linear, np.maximum(retuned, 0.0)),
             chdtrc(BANDS - 1, coloured),
