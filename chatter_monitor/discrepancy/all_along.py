@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -17,20 +18,22 @@ from chatter_monitor.discrepancy.findings import IN_WORDS, of_term
 from chatter_monitor.discrepancy.in_part.amplitude import named_above
 from chatter_monitor.discrepancy.in_part.models import begins_above
 from chatter_monitor.discrepancy.innovations import Diverged, Innovations
+from chatter_monitor.discrepancy.itself import Itself
 from chatter_monitor.discrepancy.linear import MECHANICAL, Omission
 from chatter_monitor.discrepancy.name import MOST_TERMS, PRICE_NATS, SURE_NATS, Scored
 from chatter_monitor.discrepancy.observer import Linear
 from chatter_monitor.discrepancy.report import Finding
-from chatter_monitor.discrepancy.unnamed import POWERS_AND_SIDES, Unnamed, examine_rest, out_of_range
+from chatter_monitor.discrepancy.unnamed import POWERS_AND_SIDES, Rest, Unnamed, out_of_range
 from chatter_monitor.physics.parts import AppliedTerm
 
 # What a force of no name has to explain beside what is named, and as a share of that: no law is exact, nor is a filter;
 # a regression, which takes the motion from the base model, much less so.
 REST_NATS = 6.0
 REST_SHARE, FITTED_REST_SHARE = 0.2, 0.02
+OWN_SHARE = 0.1  # of what is named: a filter leaves no more of its own model
 SECOND_SHARE = 0.8  # of what a second name explains that another power or symmetry of the first may explain, too
 DAMPED_SD = 1.96  # by which the machine's damping beside a law may differ from the model file's: two-sided 95 %
-_DAMPINGS_TRIED, _LEAST_SD = 200, 1e-3
+_DAMPINGS_TRIED, _LEAST_SD, _LEAST_DAMPING = 200, 1e-3, 1e-5
 RIVALS = 3  # fitted fully
 RIVAL_NATS, RIVAL_SHARE = 6.0, 0.05  # how near to the leader's evidence, for that
 
@@ -71,28 +74,31 @@ def name_all_along(case: Case) -> Named:
         case.named = []
         return Named(case.base.omissions, [], strange, _with_omissions(case))
     first, augmented, omissions = found
-    left, further = _beside(case, first, augmented)
+    itself = Itself(case, augmented)
+    left, further = _beside(case, first, augmented, itself)
     # What explains more beside the first may explain all of it: the regression takes the motion from a machine without
     # it, and may have ranked it too low.
     ranked = _ranked(case, further)
     alone = _fullest(case, ranked) if ranked else None
     if alone is not None and alone[1].cost < augmented.cost:
         first, augmented, omissions = alone
-        left, further = _beside(case, first, augmented)
+        itself = Itself(case, augmented)
+        left, further = _beside(case, first, augmented, itself)
     # A law that is a little another explains it as simply as two that are right.
     if further and max(left.variations.values()) < SECOND_SHARE * further[0].fit.gain:
         terms = [*augmented.system.terms[-1:], *(_applied(case, scored) for scored in further)]
         try:
             augmented = augment(case, terms, augmented.innovations.linear)
+            itself = Itself(case, augmented)
             case.named += further
-            left = _left(case, augmented)
+            left = _left(case, augmented, itself)
         except Diverged:
             pass  # then the first has to do
     case.threshold = named_above(case)
     begun = begins_above(case, augmented)
     both = zip(case.named, (begun or augmented).parameters, strict=True)
     findings = [of_term(scored, parameters) for scored, parameters in both]
-    strange = [] if begins(case, left) else _other_laws(case, augmented, left)
+    strange = [] if begins(case, left) else _other_laws(case, augmented, left, itself)
     case.offset_p = offset_beside(case, augmented.innovations, augmented.system.terms[-len(case.named) :])
     return Named(omissions, findings, strange, begun or augmented, left, begun is not None)
 
@@ -105,10 +111,10 @@ def _with_omissions(case: Case) -> Augmented | None:
     return Augmented(calibrated(case, inn.linear, inn.terms), inn, [], [], [], omissions[0].gain_nats)
 
 
-def _beside(case: Case, first: Scored, augmented: Augmented) -> tuple[Unnamed, list[Scored]]:
+def _beside(case: Case, first: Scored, augmented: Augmented, itself: Itself) -> tuple[Unnamed, list[Scored]]:
     """What the first term leaves, and names for that; they may stand for no more than what it leaves fitted fully."""
     case.named = [first]
-    left = _left(case, augmented)
+    left = _left(case, augmented, itself)
     return left, _further(case, first, augmented) if max(left.smooth.values()) > REST_NATS else []
 
 
@@ -227,10 +233,14 @@ def _at_stated_speed(case: Case, scored: Scored) -> list[Linear]:
     return [replace(linear, spindle=spindle)]
 
 
-def _left(case: Case, augmented: Augmented) -> Unnamed:
-    """What the augmented model leaves."""
-    named = augmented.system.terms[-len(case.named) :]
-    return examine_rest(case, augmented.innovations, augmented.columns, named)
+def _left(case: Case, augmented: Augmented, itself: Itself) -> Unnamed:
+    """What the augmented model leaves, and does not leave of itself."""
+    rest = Rest(case, augmented.innovations, augmented.columns, augmented.system.terms[-len(case.named) :])
+    left = rest.examined()
+    most = max(*left.smooth.values(), *left.variations.values())
+    if REST_NATS < most < OWN_SHARE * augmented.gain_nats:
+        return rest.examined(itself.rests)
+    return left
 
 
 def begins(case: Case, left: Unnamed) -> bool:
@@ -239,7 +249,7 @@ def begins(case: Case, left: Unnamed) -> bool:
     return case.threshold is not None and case.threshold.gain_nats > max(others)
 
 
-def _other_laws(case: Case, augmented: Augmented, left: Unnamed) -> list[str]:
+def _other_laws(case: Case, augmented: Augmented, left: Unnamed, itself: Itself) -> list[str]:
     """Names whose law is not quite that of the recording, in words."""
     strange: list[str] = []
     for scored, applied, parameters in zip(
@@ -252,7 +262,7 @@ def _other_laws(case: Case, augmented: Augmented, left: Unnamed) -> list[str]:
             strange.append(f"a force like {IN_WORDS[name]}, but one that {POWERS_AND_SIDES[clearest]}")
         elif (shape := out_of_range(augmented.innovations, applied, parameters)) is not None:
             strange.append(f"a force like {IN_WORDS[name]}, but with a {shape.replace('_', ' ')} beyond that of one")
-        elif _dissipates(augmented.innovations, applied) and (ratio := _damped_otherwise(case, augmented)):
+        elif _dissipates(augmented.innovations, applied) and (ratio := _damped_otherwise(case, augmented, itself)):
             strange.append(
                 f"a force like {IN_WORDS[name]}, but beside it the machine is damped {ratio:.2g} times as much as in "
                 "the model, which may be a part of the force"
@@ -267,15 +277,23 @@ def _dissipates(inn: Innovations, applied: AppliedTerm) -> bool:
     return term.memory_rate is not None or len(felt) > 1
 
 
-def _damped_otherwise(case: Case, augmented: Augmented) -> float | None:
+def _damped_otherwise(case: Case, augmented: Augmented, itself: Itself) -> float | None:
     """Damping of the machine beside the named forces over that of the model file, if that is another.
 
     A force that grows with the root of the velocity is dry friction and a damper but for a few per cent. Whether
     what dissipates is one force or two, only what is known of the machine tells.
     """
     known, fitted = case.system.modes[0].damping_ratio, augmented.system.modes[0].damping_ratio
-    # The damping ratio that agrees best with both. A fit knows the ratio to so much, a model file its logarithm.
+    if _apart(known, fitted, augmented.damping_sd) > DAMPED_SD:
+        fitted = max(fitted - itself.damping_bias, _LEAST_DAMPING)
+    return fitted / known if _apart(known, fitted, augmented.damping_sd) > DAMPED_SD else None
+
+
+def _apart(known: float, fitted: float, fitted_sd: float) -> float:
+    """Standard deviations by which a damping ratio and that of a model file differ.
+
+    The ratio is looked for that agrees best with both. A fit knows the ratio to so much, a model file its logarithm.
+    """
     tried = np.geomspace(known, fitted, _DAMPINGS_TRIED)
-    by_fit = (tried - fitted) / max(augmented.damping_sd, _LEAST_SD * fitted)
-    apart = float(np.min((np.log(tried / known) / DAMPING_KNOWN) ** 2 + by_fit**2))
-    return fitted / known if apart > DAMPED_SD**2 else None
+    by_fit = (tried - fitted) / max(fitted_sd, _LEAST_SD * fitted)
+    return math.sqrt(float(np.min((np.log(tried / known) / DAMPING_KNOWN) ** 2 + by_fit**2)))

@@ -149,6 +149,27 @@ def fullest(case: Case, rivals: Sequence[Start]) -> tuple[int, Augmented]:
     return number, climbs[number].augmented()
 
 
+def as_it_stands(case: Case, augmented: Augmented) -> Augmented:
+    """A model that was fitted to one recording, on another one, with every parameter as it is.
+
+    Parameters
+    ----------
+    case : Case
+        Of the other recording.
+    augmented : Augmented
+        Model whose terms act all along.
+
+    Raises
+    ------
+    Diverged
+        If the model runs away from that recording.
+    """
+    terms, found = augmented.system.terms, len(augmented.parameters)
+    climb = _Climb(case, Start(terms[-found:], augmented.innovations.linear, terms[:-found]))
+    climb.here = _fitted(case, climb.model)
+    return climb.augmented()
+
+
 class _Climb:
     """Gauss-Newton steps of one model, until it stays."""
 

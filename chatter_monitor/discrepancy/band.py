@@ -21,6 +21,7 @@ FADE_S = 0.5  # of the joint where a stretch is left out
 LEAST_LEFT = 0.25  # of the recording, for a machine without a stretch
 _NEAREST = 1.7  # cliffs are looked for beyond so many times the fastest mode
 _LARGEST_UP = 3
+_FINEST_RATIO = 10_000  # denominator
 _REACH = 16  # of the low-pass, in samples of the lower rate
 
 
@@ -65,6 +66,12 @@ def within_band(recorded: Recorded, highest_mode_hz: float) -> Recorded:
     if edge_hz < 0.48 * recorded.rate_hz:
         exact = 2.0 * edge_hz / recorded.rate_hz
         ratio = max(Fraction(up, int(np.ceil(up / exact - 1e-9))) for up in range(1, _LARGEST_UP + 1))
+    return at_rate(recorded, recorded.rate_hz * float(ratio))
+
+
+def at_rate(recorded: Recorded, rate_hz: float) -> Recorded:
+    """Resample to a rate that is a fraction of the recording's; the same recording if it has that rate."""
+    ratio = Fraction(rate_hz / recorded.rate_hz).limit_denominator(_FINEST_RATIO)
     if ratio == 1:
         return recorded
     up, down = ratio.numerator, ratio.denominator

@@ -24,7 +24,7 @@ from chatter_monitor.discrepancy.findings import (
 from chatter_monitor.discrepancy.in_part.models import acts_there
 from chatter_monitor.discrepancy.known import wrong_coefficients
 from chatter_monitor.discrepancy.report import Finding, Fit, Located, Report, Verdict
-from chatter_monitor.discrepancy.unnamed import Unnamed, examine_rest
+from chatter_monitor.discrepancy.unnamed import Rest, Unnamed
 from chatter_monitor.discrepancy.whereabouts import MAPPED_P, whereabouts
 from chatter_monitor.physics.model import MachiningSystem
 
@@ -169,8 +169,8 @@ def _name_in_part(case: Case, said: _Said, base: MachiningSystem) -> Augmented |
 def _left(case: Case, fitted: Augmented | None) -> Unnamed:
     """What is left beside a model that has the force above an amplitude; beside the base if there is none."""
     if fitted is not None:
-        return examine_rest(case, fitted.innovations, fitted.columns)
-    return examine_rest(case, case.innovations, [case.matrix[i] for i in case.evidence.nuisance])
+        return Rest(case, fitted.innovations, fitted.columns).examined()
+    return Rest(case, case.innovations, [case.matrix[i] for i in case.evidence.nuisance]).examined()
 
 
 def _reported(case: Case, said: _Said) -> Report:

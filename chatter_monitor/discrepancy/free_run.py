@@ -18,18 +18,18 @@ from chatter_monitor.physics.simulate import simulate
 
 Vector = NDArray[np.float64]
 
-RUN_S = 10.0  # longest
+RUN_S = 10.0  # longest, unless said otherwise
 SEED = 1
 
 
-def free_run(case: Case, system: MachiningSystem) -> Vector | None:
-    """A simulation at the recording's rate, as long as that, 10 s at most, shape (n,); None if there can be none."""
+def free_run(case: Case, system: MachiningSystem, seed: int = SEED, longest_s: float = RUN_S) -> Vector | None:
+    """A simulation at the recording's rate, as long as that at most, shape (n,); None if there can be none."""
     if system.excitation.kind == "measured":
         return None
     slowest = min(mode.damping_ratio * mode.omega for mode in system.modes)
-    seconds, rate_hz = min(case.whole.seconds, RUN_S), case.whole.rate_hz
+    seconds, rate_hz = min(case.whole.seconds, longest_s), case.whole.rate_hz
     try:
-        run = simulate(system, seconds, SEED, rate_hz, settle_s=min(10.0 / slowest, 2.0))
+        run = simulate(system, seconds, seed, rate_hz, settle_s=min(10.0 / slowest, 2.0))
     except InputError:
         return None  # it grows without bound, which the report shows as missing
     return (run.signal - float(np.mean(run.signal))) / system.sensor.gain

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,8 +57,8 @@ class Unnamed:
     echo: Echo
 
 
-def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector], named: Sequence[AppliedTerm] = ()) -> Unnamed:
-    """Look for forces of no name in the errors of a model.
+class Rest:
+    """The errors of a model beside all that may explain them.
 
     Parameters
     ----------
@@ -68,32 +69,55 @@ def examine_rest(case: Case, inn: Innovations, fitted: Sequence[Vector], named: 
         What a change of each parameter that was fitted adds to the errors.
     named : sequence of AppliedTerm
         What was named, with its fitted parameters.
+
+    Attributes
+    ----------
+    evidence : Evidence
     """
-    motion = inn.motion
-    sd_x, sd_v = basis.scales(motion)
-    families = {
-        "phase_plane": basis.surface(inn),
-        "displacement": inn.respond(basis.along(motion.x / sd_x)),
-        "velocity": inn.respond(basis.along(motion.v / sd_v)),
-        "amplitude": basis.by_amplitude(inn),
-        "memory": basis.by_memory(inn),
-    }
-    columns, groups = [*fitted], {}
-    for name, family in families.items():
-        groups[name] = list(range(len(columns), len(columns) + len(family)))
-        columns.extend(family)
-    varied = [(applied.term.name, difference) for applied in named for difference in POWERS_AND_SIDES]
-    first = len(columns)
-    columns.extend(signature for applied in named for signature in inn.respond(_varied(inn, applied)))
-    evidence = Evidence(inn.white, columns, case.weight, range(len(fitted)), case.evidence.block)
-    left = inn.white.copy()
-    for coefficient, column in zip(evidence.regress([]).all_coefficients, fitted, strict=True):
-        left -= coefficient * column
-    return Unnamed(
-        {name: smooth_nats(evidence, index) for name, index in groups.items()},
-        {key: evidence.regress([column]).gain for column, key in enumerate(varied, first)},
-        find_echo(inn, left, case.weight),
-    )
+
+    def __init__(
+        self, case: Case, inn: Innovations, fitted: Sequence[Vector], named: Sequence[AppliedTerm] = ()
+    ) -> None:
+        motion = inn.motion
+        sd_x, sd_v = basis.scales(motion)
+        families = {
+            "phase_plane": basis.surface(inn),
+            "displacement": inn.respond(basis.along(motion.x / sd_x)),
+            "velocity": inn.respond(basis.along(motion.v / sd_v)),
+            "amplitude": basis.by_amplitude(inn),
+            "memory": basis.by_memory(inn),
+        }
+        columns, self._groups = [*fitted], dict[str, list[int]]()
+        for name, family in families.items():
+            self._groups[name] = list(range(len(columns), len(columns) + len(family)))
+            columns.extend(family)
+        varied = [(applied.term.name, difference) for applied in named for difference in POWERS_AND_SIDES]
+        self._varied = dict(zip(varied, range(len(columns), len(columns) + len(varied)), strict=True))
+        columns.extend(signature for applied in named for signature in inn.respond(_varied(inn, applied)))
+        self.evidence = Evidence(inn.white, columns, case.weight, range(len(fitted)), case.evidence.block)
+        self._case, self._inn, self._fitted = case, inn, fitted
+
+    def examined(self, usual: Sequence[Rest] = ()) -> Unnamed:
+        """What of it forces of no name explain.
+
+        Parameters
+        ----------
+        usual : sequence of Rest
+            What the model leaves of simulations of itself, which is none of the machine's.
+        """
+        evidence = self.evidence.less([rest.evidence for rest in usual]) if usual else self.evidence
+        return Unnamed(
+            {name: smooth_nats(evidence, index) for name, index in self._groups.items()},
+            {key: evidence.regress([column]).gain for key, column in self._varied.items()},
+            self._echo,
+        )
+
+    @cached_property
+    def _echo(self) -> Echo:
+        left = self._inn.white.copy()
+        for coefficient, column in zip(self.evidence.regress([]).all_coefficients, self._fitted, strict=True):
+            left -= coefficient * column
+        return find_echo(self._inn, left, self._case.weight)
 
 
 def smooth_nats(evidence: Evidence, columns: Sequence[int]) -> float:
