@@ -2,6 +2,7 @@
 
     python -m benchmarks.names --seed 182818 --cases 300 --kinds stribeck coulomb   # those of a proof of 300
     python -m benchmarks.names --seed 314159 --each 12 --kinds stribeck coulomb     # cases of its own
+    python -m benchmarks.names --seed 9002 --each 6 --kinds "v|v|" --quantity displacement --strength 0.05 0.10
 
 Draws, diagnoses and judges as `chatter-monitor prove` does, without a seal: for development, and for what a proof holds
 too few of. From 10 nats on that the true model gains on the held-out blocks a case of the catalogue counts as tellable.
@@ -15,7 +16,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from benchmarks.stretches import written
-from chatter_monitor.discrepancy.prove.blind.case import deal, make_case
+from chatter_monitor.discrepancy.prove.blind.case import STRENGTH, Case, deal, make_case
+from chatter_monitor.discrepancy.prove.blind.chain import QUANTITIES
 from chatter_monitor.discrepancy.prove.blind.effects import DECK, Effect
 from chatter_monitor.discrepancy.prove.scoring import TELLING_NATS, Judged, judge
 from chatter_monitor.service.diagnosing import diagnose_file, true_gain
@@ -31,13 +33,12 @@ def dealt(seed: int, cases: int, each: int, kinds: Sequence[str]) -> Iterator[tu
         yield from ((effect, 1000 * number + k) for k, effect in enumerate(DECK, 1) if effect.kind in kinds)
 
 
-def judged(effect: Effect, seed: int, number: int) -> Judged:
-    """One case, made, diagnosed and judged."""
-    made = make_case(effect, seed, number)
+def judged(made: Case, number: int) -> Judged:
+    """One case, diagnosed and judged."""
     with tempfile.TemporaryDirectory() as folder:
         recording, model = written(made, Path(folder))
         report, _ = diagnose_file(recording, model, Path(folder) / "diagnosis")
-        gain = true_gain(recording, model, made.truth) if effect.family in WITH_A_GAIN else None
+        gain = true_gain(recording, model, made.truth) if made.truth["family"] in WITH_A_GAIN else None
     return judge(str(number), made.truth, report, gain)
 
 
@@ -58,10 +59,13 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=0, help="of a proof")
     parser.add_argument("--each", type=int, default=0, help="cases of each kind")
     parser.add_argument("--kinds", nargs="+", required=True, choices=[effect.kind for effect in DECK], metavar="KIND")
+    parser.add_argument("--quantity", nargs="+", default=QUANTITIES, choices=QUANTITIES, help="of the sensor")
+    parser.add_argument("--strength", nargs=2, type=float, default=STRENGTH, metavar=("LEAST", "MOST"))
     arguments = parser.parse_args()
     answers: dict[str, list[Judged]] = {kind: [] for kind in arguments.kinds}
     for effect, number in dealt(arguments.seed, arguments.cases, arguments.each, arguments.kinds):
-        one = judged(effect, arguments.seed, number)
+        made = make_case(effect, arguments.seed, number, arguments.quantity, arguments.strength)
+        one = judged(made, number)
         answers[effect.kind].append(one)
         gain = f"{one.true_gain_nats:8.1f} nats" if one.true_gain_nats is not None else ""
         about = f"{one.case:>6s} {one.kind:28s}{one.quantity:13s}{one.seconds:3.0f} s{gain:>14s}"

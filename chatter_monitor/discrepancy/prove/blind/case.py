@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -85,7 +86,13 @@ def deal(cases: int, seed: int) -> list[Effect]:
     return dealt[:cases]
 
 
-def make_case(effect: Effect, seed: int, number: int) -> Case:
+def make_case(
+    effect: Effect,
+    seed: int,
+    number: int,
+    quantities: Sequence[str] = QUANTITIES,
+    strength: tuple[float, float] = STRENGTH,
+) -> Case:
     """Make a case.
 
     Parameters
@@ -94,9 +101,13 @@ def make_case(effect: Effect, seed: int, number: int) -> Case:
         What to hide.
     seed, number : int
         Of the draw, and of the case in it, from 1; the same give the same case.
+    quantities : sequence of str
+        What the sensor may measure.
+    strength : (float, float)
+        Share of the rms restoring force, between which it is drawn.
     """
     rng = np.random.default_rng([seed, number])
-    machine, chain, seconds, wanted, (hidden, motion) = _bearable(effect, rng, [seed, number, 1])
+    machine, chain, seconds, wanted, (hidden, motion) = _bearable(effect, rng, [seed, number, 1], quantities, strength)
     samples, noise_rms = chain.record(motion, rng)
     spindle = _spindle(effect, hidden, rng)
     base = _base_mode(effect, machine, seconds, rng)
@@ -150,14 +161,18 @@ def _beyond_nearest(effect: Effect, hidden: Hidden, motion: Motion) -> float | N
 
 
 def _bearable(
-    effect: Effect, rng: np.random.Generator, seed: list[int]
+    effect: Effect,
+    rng: np.random.Generator,
+    seed: list[int],
+    quantities: Sequence[str],
+    strength: tuple[float, float],
 ) -> tuple[Machine, Chain, float, float, tuple[Hidden, Motion]]:
     """Machine, sensor, length, strength and motion; another machine where the first does not bear the effect at all."""
     while True:
         machine = _machine(effect, rng)
-        chain = _chain(effect, machine, rng)
+        chain = _chain(effect, machine, quantities, rng)
         seconds = SHORT_S if effect.family != "part" and rng.random() < SHORT_SHARE else LONG_S
-        wanted = min(effect.most, math.exp(rng.uniform(*np.log(STRENGTH))))
+        wanted = min(effect.most, math.exp(rng.uniform(*np.log(strength))))
         try:
             return machine, chain, seconds, wanted, _hide(effect, machine, wanted, seconds, rng, seed)
         except Escaped:
@@ -183,8 +198,8 @@ def _machine(effect: Effect, rng: np.random.Generator) -> Machine:
     return machine
 
 
-def _chain(effect: Effect, machine: Machine, rng: np.random.Generator) -> Chain:
-    quantity = str(rng.choice(QUANTITIES))
+def _chain(effect: Effect, machine: Machine, quantities: Sequence[str], rng: np.random.Generator) -> Chain:
+    quantity = str(rng.choice(quantities))
     unit = machine.w ** {"displacement": 0, "velocity": 1}.get(quantity, 2)
     chain = Chain(quantity, float(f"{rng.uniform(*LEVEL) / unit:.4g}"), rng.uniform(*SNR_DB))
     match effect.kind:
