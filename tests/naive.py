@@ -208,7 +208,7 @@ class NaiveVibration:
         return bool(away < near)
 
     def interval(self, line: np.void | None, rules: vibrations.Rules, weights: NDArray[np.float64]) -> None:
-        seen, news = np.array(vibrations.NOT_HEARD), 0.0
+        seen, news, arrival = np.array(vibrations.NOT_HEARD), 0.0, 0.0
         self.missed += 1
         if line is not None:
             self.missed, self.hertz = 0, line["frequency_hz"]
@@ -218,11 +218,11 @@ class NaiveVibration:
             own = (1.0 - a) * self.dominance * self.power + a * line["dominance"] * line["power"]
             self.power = (1.0 - a) * self.power + a * line["power"]
             self.dominance = max(own / self.power, self.dominance if self.alarm_for else 0.0)
-            seen = self.likeness(line, weights)
+            arrival = line["arrival"] if line["carrier"] or self.odds >= vibrations.SURELY_OFF else 0.0
+            seen = self.likeness(line, weights, arrival)
             news = self.news(line, seen[0] * rules.chain.evidence) if seen[0] > 0.0 else -self.told
             self.told += news
-        came = line is not None and line["arrival"] > 0.8
-        self.kinds = self.forward(seen, news, rules.chain, unforced=self.chattered or came)
+        self.kinds = self.forward(seen, news, rules.chain, unforced=self.chattered or arrival > 0.8)
         risen = self.kinds[1] + self.kinds[2]
         last = self.glides[-109:]
         glided = any(all(last[i : i + 10]) for i in range(len(last) - 9))
@@ -232,6 +232,8 @@ class NaiveVibration:
         self.unexplained = float(expit(odds + rules.odds.offset + rules.odds.dominance * self.dominance))
         before = self.alarm_for
         alarm = self.self_excited >= (rules.calm_probability if before else rules.alarm_probability)
+        carrier = line is not None and line["carrier"]
+        alarm = alarm and (self.chattered or carrier or self.dominance >= 0.2)
         self.alarm_for = before + 1 if alarm else 0
         self.over = 0 if alarm else self.over + 1
         self.chattered = alarm or (self.chattered and self.over < vibrations.FORGOTTEN_CHATTER)
@@ -260,7 +262,7 @@ class NaiveVibration:
         tells = np.clip(-np.log(3.5) - by_chance, 0.0, 24.0) * min(line["dominance"], 1.0)
         return float(min(tells - self.told, CONVINCING - growth))
 
-    def likeness(self, line: np.void, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    def likeness(self, line: np.void, weights: NDArray[np.float64], arrival: float) -> NDArray[np.float64]:
         if line["growth"] >= (0.4 if self.chattered else 0.8):
             return np.array([CONVINCING, CONVINCING, -CONVINCING])
         fallen = [rise for rise in (line["absolute_rise"], line["long_rise"]) if rise < vibrations.DIED_DOWN]
@@ -268,7 +270,7 @@ class NaiveVibration:
             return np.full(3, -CONVINCING)
         growth, calm = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
         calm = CONVINCING if line["carrier"] else calm
-        risen = max(min(line["long_rise"], line["absolute_rise"]), line["arrival"])
+        risen = max(min(line["long_rise"], line["absolute_rise"]), arrival)
         seen = np.array([growth, calm, max(calm - 8.0 * max(risen - 0.8, 0.0), -CONVINCING)])
         least = np.exp(-vibrations.COHERENT_DAMPING * 2.0 * np.pi * line["frequency_hz"] * 0.025)
         if line["coherence"] < max(least, vibrations.LEAST_COHERENCE):
@@ -287,11 +289,12 @@ class NaiveVibration:
         return np.asarray(posterior / posterior.sum())
 
 
-def arrival(history: NDArray[np.float64], since: int, b: int, least: int) -> float:
-    """How much higher a bin is than the upper median of all that was before the tool entered, as `news`."""
+def arrival(history: NDArray[np.float64], cutting: NDArray[np.bool_], since: int, b: int, least: int) -> float:
+    """How much higher a bin is than the upper medians of all that was before the tool entered and of cuts in it."""
     heights = history[:, b - 1 : b + 2].max(axis=1)
-    before = np.sort(heights[: len(heights) - since])
-    return 0.5 * float(heights[-1] - before[len(before) // 2]) if len(before) >= least else 0.0
+    before, cut = heights[: len(heights) - since], cutting[: len(heights) - since]
+    usual = [np.sort(heard)[len(heard) // 2] for heard in (before, before[cut]) if len(heard) >= least]
+    return 0.5 * float(heights[-1] - max(usual)) if usual else 0.0
 
 
 def news(history: NDArray[np.float64], cutting: NDArray[np.bool_], since: int, b: int, least: int) -> float:

@@ -258,6 +258,6 @@ def _follow(hop, lowest, turns, repeating, fainter, state, peaks, measures):
             out[ABSOLUTE_RISE] = min(out[ABSOLUTE_RISE], above)
         if abs(out[LONG_RISE]) < AS_BEFORE:  # it may go with the rest
             out[VARIATION] = min(out[VARIATION], variation_beside(line, state.levels, counts[FRAMES], scratch))
-        out[ARRIVAL] = arrival(reliefs, since, counts[FRAMES], known, b, scratch)
+        out[ARRIVAL] = arrival(reliefs, state.cutting, since, counts[FRAMES], known, b, scratch)
         out[NEWS] = news(reliefs, state.cutting, since, counts[FRAMES], known, b, scratch)
     return count

@@ -35,11 +35,13 @@ TWO_PI = 2.0 * math.pi
 
 # Indices of `OrderState.angle`: at the middle of the tile (rad, rad per sample) with covariance; variance per sample of
 # the speed's random walk with its limits; noise of the measured angle over what the harmonics' scatter promises; the
-# last innovation over its standard deviation; radians turned since the amplitudes moved; offset of the residual.
+# last innovation over its standard deviation; radians turned since the amplitudes moved; offset of the residual; sums
+# of squares of the signal and of its prediction since the amplitudes moved.
 (
     PHASE, SPEED, PHASE_VAR, COVARIANCE, SPEED_VAR,
     DRIFT, LEAST_DRIFT, MOST_DRIFT, NOISE, INNOVATION, TURNED, OFFSET,
-) = range(12)  # fmt: skip
+    HEARD, PREDICTED,
+) = range(14)  # fmt: skip
 
 # Indices of `OrderState.counts`: samples of the tile that have come; samples folded; times that amplitudes have moved.
 POSITION, FOLDED, LEARNED = range(3)
@@ -73,7 +75,7 @@ class OrderState(NamedTuple):
         From which the tables are to be made.
     tile : ndarray of float64, shape (4, TILE)
         The current tile.
-    angle : ndarray of float64, shape (12,)
+    angle : ndarray of float64, shape (14,)
         The Kalman filter.
     counts : ndarray of int64, shape (3,)
     """
@@ -104,7 +106,7 @@ def new_state(orders: int, speed: float, speed_sd: float, drift: tuple[float, fl
     """
     points = 4 << (orders - 1).bit_length()
     real, imag, variance, gate = np.zeros((4, orders))
-    angle = np.zeros(12)
+    angle = np.zeros(14)
     angle[[SPEED, SPEED_VAR, LEAST_DRIFT, MOST_DRIFT, NOISE]] = speed, speed_sd**2, *drift, 1.0
     angle[DRIFT] = math.sqrt(drift[0] * drift[1])
     return OrderState(
@@ -190,6 +192,8 @@ def _fold(state):
     for t in range(TILE):
         sample = tile[SAMPLES, t]
         if abs(sample) < np.inf:
+            state.angle[HEARD] += sample * sample
+            state.angle[PREDICTED] += tile[PREDICTION, t] * tile[PREDICTION, t]
             index = int(place)
             x = place - index
             residual = sample - _between(signal, index, x)
@@ -270,6 +274,10 @@ def learn(coefficients, state, lowest, memory):
     counts[LEARNED] += 1
     rate = min(1.0, max(1.0 / counts[LEARNED], folded / memory))
     window = 2.0 / rate - 1.0  # folds that an exponential average amounts to
+    # No part of a signal is louder than the signal. When the tool has left, what was taken out would go on being
+    # subtracted from the air for a memory, and be heard there.
+    louder = angle[PREDICTED] > angle[HEARD]
+    still_there = math.sqrt(angle[HEARD] / angle[PREDICTED]) if louder else 1.0
     turn = 0.0
     weight = 0.0
     for i in range(lowest - 1, state.real.shape[0]):
@@ -294,8 +302,8 @@ def learn(coefficients, state, lowest, memory):
         real = coefficients[order].real + order * turn * state.imag[i]
         imag = coefficients[order].imag - order * turn * state.real[i]
         state.variance[i] += rate * (real * real + imag * imag - state.variance[i])
-        state.real[i] += rate * real
-        state.imag[i] += rate * imag
+        state.real[i] = still_there * (state.real[i] + rate * real)
+        state.imag[i] = still_there * (state.imag[i] + rate * imag)
         signal = window * (state.real[i] * state.real[i] + state.imag[i] * state.imag[i])
         state.gate[i] = min(max((signal / state.variance[i] - FAINT) / (CLEAR - FAINT), 0.0), 1.0)
         spectra[SIGNAL, order] = complex(state.real[i], state.imag[i]) * (state.gate[i] * 0.5 * points)
@@ -307,7 +315,7 @@ def learn(coefficients, state, lowest, memory):
                 spectra[WEIGHTED, order] = spectra[SIGNAL, order] * 4.0 / (state.variance[i] * folded)
     state.fold[:] = 0.0
     counts[FOLDED] = 0
-    angle[TURNED] = 0.0
+    angle[TURNED] = angle[HEARD] = angle[PREDICTED] = 0.0
 
 
 @njit(**OPTIONS)

@@ -8,11 +8,9 @@ from numba import njit
 from chatter_monitor.kernels.kinds import steady_share
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.testimony import witness
-from chatter_monitor.kernels.vibrations import NO_LINE, follow_all, suspicion_of
+from chatter_monitor.kernels.vibrations import NO_LINE, SUSPECT_SHARE, follow_all, suspicion_of
 
 NONE = -1
-# Chatter takes the power: what has risen and takes less than so much of it is hardly ever followed by chatter.
-SUSPECT_SHARE = 0.2
 
 
 class Overview(NamedTuple):

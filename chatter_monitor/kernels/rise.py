@@ -90,22 +90,27 @@ def _height(heights, b, column):
 
 
 @njit(**OPTIONS)
-def arrival(heights, since, head, frames, b, scratch):
+def arrival(heights, cutting, since, head, frames, b, scratch):
     """Half the prominence of a bin less its median in all that was heard before the tool entered, cut or air.
 
-    Zero where too little of it has been heard. Parameters as of `rise`.
+    What was in the cuts among that has not come now, however little of it was left in the air. Zero where too little
+    has been heard. Parameters as of `rise`.
     """
     columns = heights.shape[1]
     newest = before(head % columns, columns)
     known = min(frames, head, columns)
-    count = 0 if since >= known else known - int(since)
-    if count < HEARD:
-        return 0.0
-    column = (newest + 1 - int(since)) % columns
-    for i in range(count):
-        column = before(column, columns)
-        scratch[i] = _height(heights, b, column)
-    return 0.5 * (_height(heights, b, newest) - median_of_many(scratch[:count]))
+    usual = -math.inf
+    for cuts_only in (False, True):
+        count = 0
+        column = (head - int(min(since, known))) % columns
+        for _ in range(int(min(since, known)), known):
+            column = before(column, columns)
+            if cutting[column] or not cuts_only:
+                scratch[count] = _height(heights, b, column)
+                count += 1
+        if count >= HEARD:
+            usual = max(usual, median_of_many(scratch[:count]))
+    return 0.5 * (_height(heights, b, newest) - usual) if usual > -math.inf else 0.0
 
 
 @njit(**OPTIONS)

@@ -42,8 +42,12 @@ COHERENT_DAMPING, LEAST_COHERENCE = 0.004, 0.4
 # or, if it is fainter at all, beyond its surroundings: that of a saturated one does not, whatever its damping reads.
 DIED_DOWN = -0.7
 
+# Chatter takes the power: what has risen and takes less than so much of it is hardly ever chatter.
+SUSPECT_SHARE = 0.2
 # Of a vibration that has chattered and does no more.
 CALMED = Kinds(noise=1.0 - 6e-4, growing=2e-4, saturated=2e-4, steady=2e-4)
+# Log odds by its place, averaged, of what is off the orders for more than a moment, where these are told apart.
+SURELY_OFF = 1.0
 # Weight of an interval in the averages of odds and power, which are over a few intervals.
 AVERAGING = 0.35
 
@@ -252,10 +256,14 @@ def _heard(vibration, line, rules, weights):
     vibration.frequency_hz = line.frequency_hz
     _glide(vibration)
     vibration.order_odds += AVERAGING * (line.order_odds - vibration.order_odds)
+    # Where the speed wanders, a forced line is off the orders for a moment; one with sidebands is so for certain.
+    if vibration.order_odds < SURELY_OFF and not line.carrier:
+        line.arrival = 0.0
     dominance = _dominance(vibration, line)
     vibration.dominance = max(dominance, vibration.dominance) if vibration.alarm_for else dominance
     seen = _likeness(vibration, line, weights)
-    _another_interval(vibration, seen, _news(vibration, line, seen, rules), rules, line.arrival > LOUDER)
+    enough = line.carrier or vibration.dominance >= SUSPECT_SHARE  # of one with sidebands they have the rest
+    _another_interval(vibration, seen, _news(vibration, line, seen, rules), rules, line.arrival > LOUDER, enough)
 
 
 @njit(**OPTIONS)
@@ -298,11 +306,11 @@ def _glide(vibration):
 def _unheard(vibration, rules):
     """An interval in which none was."""
     vibration.missed += 1
-    _another_interval(vibration, NOT_HEARD, 0.0, rules, False)
+    _another_interval(vibration, NOT_HEARD, 0.0, rules, False, vibration.dominance >= SUSPECT_SHARE)
 
 
 @njit(**OPTIONS)
-def _another_interval(vibration, seen, news, rules, arrived):
+def _another_interval(vibration, seen, news, rules, arrived, enough):
     """Whether it has risen and stayed, whether something that turns explains it, and whether that is an alarm."""
     kinds = follow(_kinds(vibration), seen, news, rules.chain, vibration.chattered or arrived)
     risen = kinds.growing + kinds.saturated
@@ -314,7 +322,8 @@ def _another_interval(vibration, seen, news, rules, arrived):
     odds += place
     vibration.unexplained = 1.0 / (1.0 + math.exp(-odds))
     alarmed = vibration.alarm_for > 0
-    if risen * vibration.unexplained >= (rules.calm_probability if alarmed else rules.alarm_probability):
+    limit = rules.calm_probability if alarmed else rules.alarm_probability
+    if (enough or vibration.chattered) and risen * vibration.unexplained >= limit:
         vibration.alarm_for += 1
         vibration.chattered = True
         vibration.told = 0.0

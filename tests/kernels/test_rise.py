@@ -54,10 +54,11 @@ def test_news_is_that_of_the_twin(head, since):
         kept[:, index % rows], cutting[index % rows] = relief, in_the_cut[index]
     expected = naive.news(history[-rows:], in_the_cut[-rows:], since, b, HEARD)
     assert news(kept, cutting, float(since), head, rows, b, np.zeros(rows)) == pytest.approx(expected)
-    came = naive.arrival(history[-rows:], since, b, HEARD)
-    assert arrival(kept, float(since), head, rows, b, np.zeros(rows)) == pytest.approx(came)
-    assert arrival(kept, np.inf, head, rows, b, np.zeros(rows)) == 0.0
-    assert arrival(kept, float(head - HEARD + 1), head, rows, b, np.zeros(rows)) == 0.0  # too little was heard before
+    came = naive.arrival(history[-rows:], in_the_cut[-rows:], since, b, HEARD)
+    assert arrival(kept, cutting, float(since), head, rows, b, np.zeros(rows)) == pytest.approx(came)
+    assert arrival(kept, cutting, np.inf, head, rows, b, np.zeros(rows)) == 0.0
+    known = min(head, rows)
+    assert arrival(kept, cutting, float(known - HEARD + 1), head, rows, b, np.zeros(rows)) == 0.0  # too little heard
     in_the_air = cutting.copy()
     in_the_air[(head - 1) % rows] = False
     assert news(kept, in_the_air, float(since), head, rows, b, np.zeros(rows)) == 0.0
@@ -71,3 +72,14 @@ def test_nothing_rises_out_of_the_cut():
     cutting = np.ones(12, bool)
     cutting[11] = False
     assert risen(loud, np.ones(12), cutting, 99, 12, 12, 20) == 0.0
+
+
+@pytest.mark.parametrize(("air", "arrived"), [(10, False), (80, False), (150, True)])
+def test_what_was_in_the_cut_before_has_not_come_with_the_tool(air, arrived):
+    """However long the air between is, as long as the cut before it is remembered for half a second."""
+    heights, cutting = np.zeros((BINS, 160)), np.ones(160, bool)
+    heights[20] = 6.0
+    since = 5
+    heights[20, 160 - since - air : 160 - since], cutting[160 - since - air : 160 - since] = 0.0, False
+    came = arrival(heights, cutting, float(since), 160, 160, 20, np.zeros(160))
+    assert came == (3.0 if arrived else 0.0)

@@ -125,6 +125,15 @@ def test_a_comb_that_is_heard_is_followed_out_of_the_range_of_its_speed():
     assert power(residual, 3) < 0.03
 
 
+@pytest.mark.parametrize("spindle", [UNKNOWN, GIVEN])
+def test_nothing_of_a_comb_is_heard_in_the_air(spindle):
+    """When the tool has left, what was taken out is not subtracted from the air: two rotations later it is the room."""
+    samples = comb(8, TURNS_HZ, MILLING) * (np.arange(at(8)) < at(5)) + noise(8, 0.01)
+    residual, frames = take_out(samples, spindle)
+    assert frames[95].synchronous_share > 0.95
+    assert power(residual, 5.15, 6.5) < 1.5 * 0.01**2
+
+
 @pytest.mark.parametrize(("beside", "returns"), [(0.0, True), (100.0, False)])
 def test_it_tells_when_what_turns_is_in_the_signal_again(beside, returns):
     """A comb is let go that had most of the power: in the frame after it its lines are in the signal again.

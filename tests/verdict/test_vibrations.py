@@ -272,6 +272,28 @@ def test_chatter_that_jumps_stays_an_alarm(chattered, over, risen, alarm):
     assert (after["alarm_for"][after["frequency_hz"] == 475.0] > 0).tolist() == [alarm]
 
 
+@pytest.mark.parametrize(("dominance", "alarm_for", "alarm"), [(0.1, 0, False), (0.3, 0, True), (0.1, 5, True)])
+def test_what_begins_to_chatter_takes_the_power(dominance, alarm_for, alarm):
+    """A line off the orders that takes a tenth of the power begins no alarm, however surely it has risen."""
+    lines = lines_of(interval(475.0), Odds())
+    lines["dominance"], lines["order_odds"], lines["power"] = dominance, 2.9, 1.0
+    known = np.zeros(1, VIBRATION)
+    known["frequency_hz"], known["saturated"], known["order_odds"], known["power"] = 475.0, 1.0, 2.9, 1.0
+    known["dominance"], known["alarm_for"], known["chattered"] = dominance, alarm_for, alarm_for > 0
+    assert (followed(known, lines)["alarm_for"] > 0).tolist() == [alarm]
+
+
+@pytest.mark.parametrize(("off", "arrives"), [([True], False), ([True, False] * 10, False), ([True] * 20, True)])
+def test_what_is_off_the_orders_for_a_moment_has_not_come_with_the_tool(off, arrives):
+    """Where the speed wanders, a steady forced line is off its order now and then."""
+    lines = lines_of(interval(475.0, rising=False), Odds())
+    known = np.zeros(0, VIBRATION)
+    for away in [False] * 10 + off:
+        lines["dominance"], lines["order_odds"], lines["arrival"] = 1.0, 2.9 if away else -2.7, 2.0 if away else 0.0
+        known = followed(known, lines)
+    assert bool(known["saturated"][0] > 0.5) is arrives
+
+
 def jumped(rises, **about):
     """Of noise that has risen by so much in each interval: what is followed after the last one."""
     following = Following()
