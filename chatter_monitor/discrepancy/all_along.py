@@ -69,8 +69,8 @@ class Named:
 def name_all_along(case: Case) -> Named:
     """Fit the leaders fully, and those that explain more beside the first; `case.named` is what is left of them."""
     found = _fullest(case, _leaders(case)) if case.named else None
-    if found is None:
-        strange = ["a force with which the model runs away from it"] if case.named else []
+    if found is None or _taken_back(found[1]):
+        strange = ["a force with which the model runs away from it"] if case.named and found is None else []
         case.named = []
         return Named(case.base.omissions, [], strange, _with_omissions(case))
     first, augmented, omissions = found
@@ -101,6 +101,13 @@ def name_all_along(case: Case) -> Named:
     strange = [] if begins(case, left) else _other_laws(case, augmented, left, itself)
     case.offset_p = offset_beside(case, augmented.innovations, augmented.system.terms[-len(case.named) :])
     return Named(omissions, findings, strange, begun or augmented, left, begun is not None)
+
+
+def _taken_back(augmented: Augmented) -> bool:
+    """Whether the full fit leaves nothing of a force that the regression named: all its coefficients are 0."""
+    [applied] = augmented.system.terms[-len(augmented.parameters) :]
+    linear = {parameter.name for parameter in applied.term.parameters if parameter.linear}
+    return all(value == 0.0 for name, (value, _) in augmented.parameters[0].items() if name in linear)
 
 
 def _with_omissions(case: Case) -> Augmented | None:

@@ -157,7 +157,7 @@ def _swelling_noise(inn: Innovations, unrest: Restlessness) -> Vector:
     noisier = replace(inn.linear, noise=(1.0 + _NOISIER) * inn.linear.noise)
     changed = Innovations(inn.recorded, noisier, inn.terms, inn.taps).white - inn.white
     weakness = unrest.scale**-2
-    return np.asarray(changed * (weakness / np.mean(weakness) - 1.0))
+    return np.asarray(changed * (weakness / np.mean(weakness[weakness > 0.0]) - 1.0))
 
 
 def _with(modes: tuple[Mode, ...], i: int, mode: Mode) -> tuple[Mode, ...]:

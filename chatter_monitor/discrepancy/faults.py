@@ -18,6 +18,9 @@ SIGNIFICANT = 1e-6
 SWELL_S = 0.1  # resolution of the local size of the errors
 _LEAST_SWELL = 0.05  # relative spread of the local variance, beyond chance, worth a word
 _LEAST_KURTOSIS = 0.3
+# Size of the errors, over their rms, below which a force that swells is too weak to tell: the sensor's noise has four
+# times its usual share there, and a filter with one gain takes that for the motion.
+_TOO_WEAK = 0.5
 DRIFT_ORDER = 5  # of the polynomials that a drifting offset is made of
 
 
@@ -71,7 +74,8 @@ class Restlessness:
     gain_nats : float
         What knowing the size of the errors adds to the logarithm of the likelihood.
     scale : ndarray of float64, shape (n,)
-        Standard deviation of each error; constant unless a kind was found.
+        Standard deviation of each error; constant unless a kind was found, and infinite where the force is too weak for
+        it to tell anything.
     depth : float
         rms of the relative changes of the local variance beyond chance.
     kurtosis : float
@@ -107,7 +111,8 @@ def restlessness(whitened: Vector, used: NDArray[np.bool_], rate_hz: float) -> R
         gain = float(np.sum(np.log(sd / smooth[used])) + 0.5 * np.sum(z**2 - (whitened / smooth)[used] ** 2))
         inner = (whitened / smooth)[used]
         if float(np.mean(inner**4)) / float(np.mean(inner**2)) ** 2 - 3.0 < 0.5 * excess or excess < _LEAST_KURTOSIS:
-            return Restlessness("nonstationary_excitation", p_swell, gain, np.asarray(smooth), depth, excess)
+            scale = np.where(smooth > _TOO_WEAK * sd, smooth, np.inf)
+            return Restlessness("nonstationary_excitation", p_swell, gain, scale, depth, excess)
     if p_tails < SIGNIFICANT and excess > _LEAST_KURTOSIS:
         # Large errors count as what a mixture of two sizes makes of them.
         core = 1.4826 * float(np.median(np.abs(e)))
