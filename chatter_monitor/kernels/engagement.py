@@ -9,6 +9,8 @@ begins where nothing but noise was heard, no line and nothing that turns, if it 
 vibration that grows by itself comes before the noise that it makes. So is what is there at once, noise or not, where
 lines were faint and nothing repeated: growth takes time, and where teeth are heard the tool is in the cut. What falls
 while most of what is heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on.
+Until there is enough of that to compare with, the tool has left when all of the signal falls, comb and all, between the
+lines, too, and nothing repeats any more.
 """
 
 import math
@@ -52,13 +54,15 @@ def new_air():
 
 
 @njit(**OPTIONS)
-def engaged(levels, powers, crests, repeating, fainter, leapt, head, air, scratch):
+def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, head, air, scratch):
     """Whether the tool is in the cut and has been for a moment.
 
     Parameters
     ----------
     levels, powers : ndarray, shape (frames,)
         Rings: mean over the bins of the logarithm of their power, and logarithm of the whole power, in each frame.
+    wholes : ndarray, shape (frames,)
+        Ring: logarithm of the power with what turns, before it is taken out.
     crests : ndarray, shape (frames,)
         Ring: how far the line that stands out most does, infinite where something turns.
     repeating : ndarray, shape (frames,)
@@ -100,6 +104,10 @@ def engaged(levels, powers, crests, repeating, fainter, leapt, head, air, scratc
                 crest = _before(crests, head, air[ALIKE], scratch)
                 out = crest < NOISE and rose >= max(NEAR, LONE * crests[newest])
                 out |= leapt and crest < FAINT and _before(repeating, head, air[ALIKE], scratch) < TEETH
+    elif repeating[newest] < TEETH and _fallen(levels, head, scratch) and _fallen(wholes, head, scratch):
+        out = True
+        air[LEVEL], air[CUT], air[ALONE] = level, _before(powers, head, head, scratch), 0.0
+        air[LIMIT] = max(air[CUT] - FALL, power + NEAR)
     if out:
         air[ENTERED] = air[SINCE] = 0.0
         return False
@@ -164,6 +172,16 @@ def fell(powers, head, air, scratch):
     if powers[newest] > air[WHOLE] - NEAR:
         air[WHOLE] = -math.inf
     return air[WHOLE] > -math.inf
+
+
+@njit(**OPTIONS)
+def _fallen(values, head, scratch):
+    """Whether both of the last frames are far below those before, whatever these were."""
+    if head < FALLING + BEFORE // 2:
+        return False
+    columns = values.shape[0]
+    last = max(values[(head - 1) % columns], values[(head - 2) % columns])
+    return bool(last <= _before(values, head, head, scratch) - FALL)
 
 
 @njit(**OPTIONS)

@@ -59,9 +59,10 @@ class LineState(NamedTuple):
         Rings of prominences (`stand_out`) and of logarithms of the power, a column for each frame.
     relief : ndarray of float64, shape (bins,)
         The newest prominences.
-    levels, totals, crests, repeating : ndarray of float64, shape (frames,)
-        Mean over the bins of the logarithm of the power in each frame, logarithm of the whole power, prominence of
-        the most prominent line, infinite where something turned, and share of the power that repeats.
+    levels, totals, wholes, crests, repeating : ndarray of float64, shape (frames,)
+        Mean over the bins of the logarithm of the power in each frame, logarithm of the whole power, and of that with
+        what turns, prominence of the most prominent line, infinite where something turned, and share of the power
+        that repeats.
     cutting : ndarray of bool, shape (frames,)
         Whether the tool was in the cut in each frame.
     air : ndarray of float64, shape (8,)
@@ -88,6 +89,7 @@ class LineState(NamedTuple):
     relief: np.ndarray
     levels: np.ndarray
     totals: np.ndarray
+    wholes: np.ndarray
     crests: np.ndarray
     repeating: np.ndarray
     cutting: np.ndarray
@@ -116,6 +118,7 @@ def new_state(window: np.ndarray, interval: int, hops: int, frames: int) -> Line
         relief=np.zeros(bins),
         levels=np.zeros(frames),
         totals=np.zeros(frames),
+        wholes=np.zeros(frames),
         crests=np.zeros(frames),
         repeating=np.zeros(frames),
         cutting=np.zeros(frames, np.bool_),
@@ -130,7 +133,7 @@ def new_state(window: np.ndarray, interval: int, hops: int, frames: int) -> Line
 
 def finding(
     hop: int, lowest: int, state: LineState, peaks: np.ndarray, measures: np.ndarray
-) -> Callable[[np.ndarray, bool, bool, float, bool], int]:
+) -> Callable[[np.ndarray, bool, bool, float, float, bool], int]:
     """How the lines of a frame are found.
 
     Parameters
@@ -150,21 +153,21 @@ def finding(
     -------
     callable
         Of the frame's samples, contiguous float64, shape (n,), NaN where they are missing; of whether the signal is
-        alike to what it was, whether something that turns has been taken out of it, which share of the power repeats,
-        and whether it has got fainter though the tool has not left. Returns how many lines there are.
+        alike to what it was, whether something that turns has been taken out of it, the power with that, which share
+        of this repeats, and whether it has got fainter though the tool has not left. Returns how many lines there are.
     """
-    machine_code = bound(_find, state.window, False, False, 0.0, False, hop, lowest, state, peaks, measures)
-    return lambda signal, alike, turns, repeating, fainter: machine_code(
-        signal, alike, turns, repeating, fainter, hop, lowest, state, peaks, measures
+    machine_code = bound(_find, state.window, False, False, 0.0, 0.0, False, hop, lowest, state, peaks, measures)
+    return lambda signal, alike, turns, whole, repeating, fainter: machine_code(
+        signal, alike, turns, whole, repeating, fainter, hop, lowest, state, peaks, measures
     )
 
 
 @njit(**OPTIONS)
-def _find(signal, alike, turns, repeating, fainter, hop, lowest, state, peaks, measures):
+def _find(signal, alike, turns, whole, repeating, fainter, hop, lowest, state, peaks, measures):
     if not alike:
         state.counts[ALIKE] = 0
     _take(signal, hop, state)
-    return _follow(hop, lowest, turns, repeating, fainter, state, peaks, measures)
+    return _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measures)
 
 
 @njit(**OPTIONS)
@@ -207,7 +210,7 @@ def _take(signal, hop, state):
 
 
 @njit(**OPTIONS)
-def _follow(hop, lowest, turns, repeating, fainter, state, peaks, measures):
+def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measures):
     """Find the most prominent lines of the newest transforms and describe each."""
     spectra, power, reliefs, relief, counts = state.spectra, state.power, state.reliefs, state.relief, state.counts
     if recent_power(spectra, state.valid, counts[TAKEN], FRAME_HOPS, power) == 0:
@@ -224,10 +227,11 @@ def _follow(hop, lowest, turns, repeating, fainter, state, peaks, measures):
         total += power[b]
     state.totals[column] = math.log(total + TINY)
     count = most_prominent(relief, lowest, peaks)
+    state.wholes[column] = math.log(whole + TINY)
     state.repeating[column] = repeating
     state.crests[column] = math.inf if turns or count == 0 else relief[peaks[0]]
     leapt = has_leapt(spectra, state.valid, counts[TAKEN], FRAME_HOPS, lowest, state.totals, counts[FRAMES])
-    heard = state.levels, state.totals, state.crests, state.repeating
+    heard = state.levels, state.totals, state.wholes, state.crests, state.repeating
     state.cutting[column] = engaged(*heard, fainter, leapt, counts[FRAMES], state.air, state.scratch)
     for b in range(relief.shape[0]):
         reliefs[b, column] = relief[b]

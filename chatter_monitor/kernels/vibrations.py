@@ -44,6 +44,8 @@ DIED_DOWN = -0.7
 
 # Chatter takes the power: what has risen and takes less than so much of it is hardly ever chatter.
 SUSPECT_SHARE = 0.2
+# An overtone of what chatters is this near to a multiple of it, relatively.
+OVERTONE, OVERTONES = 0.01, (2, 3)
 # Of a vibration that has chattered and does no more.
 CALMED = Kinds(noise=1.0 - 6e-4, growing=2e-4, saturated=2e-4, steady=2e-4)
 # Log odds by its place, averaged, of what is off the orders for more than a moment, where these are told apart.
@@ -154,7 +156,8 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
         if vibration.line == NO_LINE:
             _unheard(vibration, rules)
         else:
-            _heard(vibration, lines[vibration.line], rules, weights)
+            overtone = _is_overtone(lines[vibration.line], vibrations[:known])
+            _heard(vibration, lines[vibration.line], overtone, rules, weights)
         if vibration.missed < FORGOTTEN or vibration.chattered:
             count += 1
     for i in range(lines.shape[0]):
@@ -162,7 +165,7 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
             vibration = work[count]
             _begin(vibration, lines[i])
             vibration.line = i
-            _heard(vibration, lines[i], rules, weights)
+            _heard(vibration, lines[i], False, rules, weights)
             count += 1
     for i in range(count):
         place = i
@@ -250,8 +253,21 @@ def _begin(vibration, line):
 
 
 @njit(**OPTIONS)
-def _heard(vibration, line, rules, weights):
-    """An interval in which this line of a vibration was heard."""
+def _is_overtone(line, vibrations):
+    """Whether it is a multiple of what had risen in the interval before, off the orders for certain, with the power."""
+    for i in range(vibrations.shape[0]):
+        other = vibrations[i]
+        risen = other.growing + other.saturated >= 0.5
+        if risen and other.order_odds >= SURELY_OFF and other.dominance >= SUSPECT_SHARE:
+            for times in OVERTONES:
+                if abs(line.frequency_hz / (times * other.frequency_hz) - 1.0) < OVERTONE:
+                    return True
+    return False
+
+
+@njit(**OPTIONS)
+def _heard(vibration, line, overtone, rules, weights):
+    """An interval in which this line of a vibration was heard, which may be an overtone of another."""
     vibration.missed = 0
     vibration.frequency_hz = line.frequency_hz
     _glide(vibration)
@@ -262,7 +278,8 @@ def _heard(vibration, line, rules, weights):
     dominance = _dominance(vibration, line)
     vibration.dominance = max(dominance, vibration.dominance) if vibration.alarm_for else dominance
     seen = _likeness(vibration, line, weights)
-    enough = line.carrier or vibration.dominance >= SUSPECT_SHARE  # of one with sidebands they have the rest
+    # of one with sidebands they have the rest, of an overtone what it is one of
+    enough = line.carrier or overtone or vibration.dominance >= SUSPECT_SHARE
     _another_interval(vibration, seen, _news(vibration, line, seen, rules), rules, line.arrival > LOUDER, enough)
 
 

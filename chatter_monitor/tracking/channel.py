@@ -148,6 +148,7 @@ def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[NDArr
         frame.signal,
         alike=not orders.returned,
         turns=orders.heard,
+        whole=orders.power,
         repeating=orders.repeating_share,
         fainter=orders.fainter,
     )

@@ -110,6 +110,8 @@ class Orders(NamedTuple):
     fainter : bool
         Whether what is left has just got fainter, and the tool has not left: most of the signal goes on repeating,
         or is in a comb that has been taken out for no longer than its memory.
+    power : float
+        Variance of the signal with what turns.
     growth : float
         By how much a comb that is out of step with the rotation has grown (natural logarithm of the amplitude), 0 if
         there is none (`kernels.rotations`).
@@ -128,6 +130,7 @@ class Orders(NamedTuple):
     returned: bool = False
     repeating_share: float = 0.0
     fainter: bool = False
+    power: float = 0.0
     growth: float = 0.0
     sidebands: Sidebands | None = None
 
@@ -325,7 +328,10 @@ class OrderTracker:
         return Orders(
             *(first_sample, hertz, sd_hz, source, share),
             *(lines, other_hz, other_lines, returned),
-            *(repeating, fainter, growth, self._sidebands),
+            *(repeating, fainter),
+            power=power,
+            growth=growth,
+            sidebands=self._sidebands,
         )
 
     def _from_memory(self, sample: int) -> tuple[float | None, float | None, Source | None]:

@@ -125,6 +125,7 @@ class Spectrum:
         *,
         alike: bool = True,
         turns: bool = False,
+        whole: float = 1.0,
         repeating: float = 0.0,
         fainter: bool = False,
     ) -> NDArray[np.float64]:
@@ -139,11 +140,13 @@ class Spectrum:
             risen out of what was before.
         turns : bool
             Whether something that turns has been taken out of it.
+        whole : float
+            Power with that, before it was taken out: where it is as much as before, the tool has not left.
         repeating : float
-            Share of the power, with what turns, that repeats.
+            Share of this that repeats.
         fainter : bool
             Whether it has got fainter and the tool has not left: the cut is lighter, or a comb is taken out of it now.
         """
-        count = self._find(np.ascontiguousarray(signal, np.float64), alike, turns, repeating, fainter)
+        count = self._find(np.ascontiguousarray(signal, np.float64), alike, turns, whole, repeating, fainter)
         lines: NDArray[np.float64] = self._measures[:count] * self._units
         return lines

@@ -13,15 +13,15 @@ LOUD = 10.0  # how much more the whole power of a cut is than its level
 STANDS_OUT, NOISE = 20.0, 6.0  # how far the most prominent line stands out of a cut, and of noise
 
 
-def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), repeating=0.0):
+def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), repeating=0.0, with_comb=()):
     """Whether the tool is in the cut, frame by frame, for stretches of (frames, level, power, crest) in dB.
 
     In the frames ``fainter`` most of what is heard goes on, fainter; in the frames ``leapt`` all became louder at once.
-    So much of the power repeats all along.
+    So much of the power repeats, and so loud is the whole with what turns.
     """
     rng = np.random.default_rng(seed)
-    repeats = np.full(columns, repeating)
-    (levels, powers, crests), cutting = np.zeros((3, columns)), np.zeros(columns, bool)
+    repeats = np.zeros(columns)
+    (levels, powers, wholes, crests), cutting = np.zeros((4, columns)), np.zeros(columns, bool)
     air, result = engagement.new_air(), []
     for frames, level, power, crest in stretches:
         for _ in range(frames):
@@ -29,9 +29,11 @@ def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), repeating=0.0):
             levels[column] = DECIBEL * (level + 0.3 * rng.standard_normal())
             powers[column] = DECIBEL * (power + 0.3 * rng.standard_normal())
             crests[column] = DECIBEL * crest
+            wholes[column] = DECIBEL * (with_comb[len(result)] if len(result) < len(with_comb) else 0.0)
+            repeats[column] = repeating(len(result)) if callable(repeating) else repeating
             head = len(result) + 1
             cutting[column] = engagement.engaged(
-                *(levels, powers, crests, repeats),
+                *(levels, powers, wholes, crests, repeats),
                 *(len(result) in fainter, len(result) in leapt),
                 *(head, air, np.zeros(columns)),
             )
@@ -110,6 +112,22 @@ def test_a_depth_that_shrinks_is_no_air():
     """A level that falls by less, or slowly, is that of a lighter cut."""
     assert all(told(cut(60), cut(60, CUT - 6.0)))
     assert all(told(cut(60), *[cut(4, CUT - step) for step in range(20)]))
+
+
+@pytest.mark.parametrize(
+    ("whole", "repeating", "leaves"), [(AIR, 0.1, True), (AIR, 0.8, False), (CUT + LOUD - 5.0, 0.1, False)]
+)
+def test_a_tool_leaves_just_after_its_comb_is_taken_out(whole, repeating, leaves):
+    """With what turns the whole falls to the room, and nothing repeats: that is no comb that is taken out."""
+    taken, gone = 60, 66
+    after = told(
+        *(cut(taken), room(60)),
+        fainter=range(taken, gone),
+        with_comb=[CUT + LOUD] * gone + [whole] * 60,
+        repeating=lambda frame: 0.8 if frame < gone else repeating,
+    )
+    assert all(after[: gone + 1])
+    assert any(after[gone + 3 :]) is not leaves
 
 
 def test_a_cut_that_gets_lighter_at_once_is_no_air():

@@ -283,6 +283,27 @@ def test_what_begins_to_chatter_takes_the_power(dominance, alarm_for, alarm):
     assert (followed(known, lines)["alarm_for"] > 0).tolist() == [alarm]
 
 
+@pytest.mark.parametrize(
+    ("root_hz", "place", "risen", "alarm"),
+    [
+        (237.0, 2.9, 0.9, True),
+        (159.0, 2.9, 0.9, True),
+        (250.0, 2.9, 0.9, False),
+        (237.0, 0.0, 0.9, False),
+        (237.0, 2.9, 0.1, False),
+    ],
+)
+def test_of_an_overtone_what_chatters_has_the_rest_of_the_power(root_hz, place, risen, alarm):
+    """A tenth of the power is enough for what is a multiple of what has risen off the orders with the rest."""
+    lines = lines_of(interval(475.0), Odds())
+    lines["dominance"], lines["order_odds"], lines["power"] = 0.1, 2.9, 1.0
+    known = np.zeros(2, VIBRATION)
+    known["frequency_hz"], known["order_odds"], known["power"] = [475.0, root_hz], [2.9, place], 1.0
+    known["saturated"], known["dominance"], known["glided"] = [1.0, risen], [0.1, 0.9], [0, 50]
+    after = followed(known, lines)
+    assert (after["alarm_for"][after["frequency_hz"] == 475.0] > 0).tolist() == [alarm]
+
+
 @pytest.mark.parametrize(("off", "arrives"), [([True], False), ([True, False] * 10, False), ([True] * 20, True)])
 def test_what_is_off_the_orders_for_a_moment_has_not_come_with_the_tool(off, arrives):
     """Where the speed wanders, a steady forced line is off its order now and then."""
