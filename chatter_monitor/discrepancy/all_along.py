@@ -96,12 +96,11 @@ def name_all_along(case: Case) -> Named:
             pass  # then the first has to do
     case.threshold = named_above(case)
     begun = begins_above(case, augmented)
-    final = begun or itself.unbiased()
-    both = zip(case.named, final.parameters, strict=True)
+    both = zip(case.named, (begun or augmented).parameters, strict=True)
     findings = [of_term(scored, parameters) for scored, parameters in both]
     strange = [] if begins(case, left) else _other_laws(case, augmented, left, itself)
     case.offset_p = offset_beside(case, augmented.innovations, augmented.system.terms[-len(case.named) :])
-    return Named(omissions, findings, strange, final, left, begun is not None)
+    return Named(omissions, findings, strange, begun or augmented, left, begun is not None)
 
 
 def _taken_back(augmented: Augmented) -> bool:

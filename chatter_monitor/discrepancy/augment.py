@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,10 +68,6 @@ class Augmented:
         Standard deviation of the first mode's damping ratio; 0 if that was not fitted.
     cost : float
         What is left to explain, nats, the parameters paid for; of two models of one case the cheaper one is likelier.
-    steps : list of dict of str to float
-        For each added term, how a further step would change its parameters: next to nothing once a fit has ended.
-    machine_step : dict of str to float
-        The same of the first mode's frequency and damping ratio, if they were fitted.
     """
 
     system: MachiningSystem
@@ -82,8 +78,6 @@ class Augmented:
     gain_nats: float
     damping_sd: float = 0.0
     cost: float = math.inf
-    steps: list[dict[str, float]] = field(default_factory=list)
-    machine_step: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,12 +236,9 @@ class _Climb:
         if here is None:
             raise Diverged("the model with the terms that were found runs away")
         parameters: list[dict[str, tuple[float, float]]] = [{} for _ in range(self.found)]
-        steps: list[dict[str, float]] = [{} for _ in range(self.found)]
-        machine_step: dict[str, float] = {}
-        for knob, sd, step in zip(model.knobs, here.sd, here.change(damping=0.0), strict=False):
+        for knob, sd in zip(model.knobs, here.sd, strict=False):
             if knob.term is not None:
                 parameters[knob.term - model.first][knob.name] = (model.value(knob), float(sd))
-            (machine_step if knob.term is None else steps[knob.term - model.first])[knob.name] = float(step)
         gain = _loss(self.case.innovations, self.case.weight) - here.loss
         system = calibrated(self.case, model.linear, model.terms)
         damping_sd = next((float(sd) for k, sd in zip(model.knobs, here.sd, strict=False) if k == _DAMPING), 0.0)
@@ -257,9 +248,7 @@ class _Climb:
             if column.any():
                 columns.append(column)
                 besides += [] if number < len(of_terms) and of_terms[number] else [column]
-        return Augmented(
-            system, here.innovations, parameters, columns, besides, gain, damping_sd, self.cost, steps, machine_step
-        )
+        return Augmented(system, here.innovations, parameters, columns, besides, gain, damping_sd, self.cost)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,6 @@ go with the motion, as a law that is not quite the right one does. How much, sim
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -25,11 +22,10 @@ from chatter_monitor.discrepancy.free_run import free_run
 from chatter_monitor.discrepancy.innovations import Diverged, Innovations
 from chatter_monitor.discrepancy.side_by_side import each
 from chatter_monitor.discrepancy.unnamed import Rest
-from chatter_monitor.physics.parts import AppliedTerm
 
 _SEEDS = (1, 2)  # of one simulation each
 _LONGEST_S = 20.0
-_OF_A_MODE = {"frequency_hz", "damping_ratio"}
+_DAMPING = 1  # column of the damping ratio among those of a fit, where it is fitted
 
 
 class Itself:
@@ -49,60 +45,16 @@ class Itself:
     @cached_property
     def rests(self) -> list[Rest]:
         """What the model leaves of each simulation; less of them, or none, if it runs away."""
-        named = self._augmented.system.terms[-len(self._augmented.parameters) :]
-        return [Rest(case, fit.innovations, fit.columns, named) for case, fit in self._fits]
+        return [rest for rest in each(self._rest, _SEEDS) if rest is not None]
 
     @property
     def damping_bias(self) -> float:
         """By how much a fit finds the first mode's damping ratio too large; 0 if that is not fitted, or not known."""
-        return self._bias([fit.machine_step.get("damping_ratio", 0.0) for _, fit in self._fits])
+        if not self.rests or self._augmented.damping_sd == 0.0:
+            return 0.0
+        return float(np.mean([rest.evidence.regress([]).all_coefficients[_DAMPING] for rest in self.rests]))
 
-    def unbiased(self) -> Augmented:
-        """The model with what fits find too much of its own parameters taken off, and intervals for both.
-
-        A parameter that would leave its range, or change its sign, stays; so do all where the force is not steady, as
-        that of the simulations is.
-        """
-        augmented, fits = self._augmented, [fit for _, fit in self._fits_if_steady()]
-        if not fits:
-            return augmented
-        wider = math.sqrt(1.0 + 1.0 / len(fits))
-        terms, parameters = list(augmented.system.terms), []
-        for i, found in enumerate(augmented.parameters):
-            at = len(terms) - len(augmented.parameters) + i
-            known = {p.name: p for p in terms[at].term.parameters}
-            better = {}
-            for name, (value, sd) in found.items():
-                less = value - self._bias([fit.steps[i][name] for fit in fits])
-                better[name] = (less if less * value > 0.0 and known[name].allows(less) else value, wider * sd)
-            parameters.append(better)
-            values = {name: value for name, (value, _) in better.items()}
-            terms[at] = AppliedTerm(terms[at].term, {**terms[at].parameters, **values})
-        first, *others = augmented.system.modes
-        off = {
-            name: self._bias([fit.machine_step[name] for fit in fits])
-            for name in fits[0].machine_step.keys() & _OF_A_MODE
-        }
-        mode = replace(
-            first, **{name: max(getattr(first, name) - by, 0.5 * getattr(first, name)) for name, by in off.items()}
-        )
-        system = replace(augmented.system, modes=(mode, *others), terms=tuple(terms))
-        return replace(augmented, system=system, parameters=parameters)
-
-    def _fits_if_steady(self) -> list[tuple[Case, Augmented]]:
-        unrest = self._case.unrest
-        return self._fits if unrest is None or unrest.kind is None else []
-
-    @staticmethod
-    def _bias(steps: Sequence[float]) -> float:
-        return float(np.mean(steps)) if steps else 0.0
-
-    @cached_property
-    def _fits(self) -> list[tuple[Case, Augmented]]:
-        """Simulations, and the model on each as it stands."""
-        return [fit for fit in each(self._fit, _SEEDS) if fit is not None]
-
-    def _fit(self, seed: int) -> tuple[Case, Augmented] | None:
+    def _rest(self, seed: int) -> Rest | None:
         case, augmented = self._case, self._augmented
         samples = free_run(case, augmented.system, seed, _LONGEST_S)
         if samples is None:
@@ -117,6 +69,7 @@ class Itself:
             inn.white, beside.matrix, beside.weight, beside.columns["retuning"], case.evidence.block
         )
         try:
-            return beside, as_it_stands(beside, augmented)
+            fit = as_it_stands(beside, augmented)
         except Diverged:
             return None
+        return Rest(beside, fit.innovations, fit.columns, augmented.system.terms[-len(augmented.parameters) :])
