@@ -94,21 +94,6 @@ class Evidence:
         part.__dict__.pop("everything", None)
         return part
 
-    def less(self, others: Sequence[Evidence]) -> Evidence:
-        """The evidence of all blocks without what the errors of others, of the same columns, have in common with those.
-
-        The mean of the others' products counts, each in proportion to its samples.
-        """
-        samples = float(self.samples.sum())
-        expected = [other.products[:, 0].sum(axis=0) * (samples / float(other.samples.sum())) for other in others]
-        total = self.products.sum(axis=0)
-        total[0, 1:] -= np.mean(expected, axis=0)[1:]
-        total[1:, 0] = total[0, 1:]
-        rest = copy.copy(self)
-        rest.products, rest.samples, rest._sums = total[None], np.array([samples]), {}
-        rest.__dict__.pop("everything", None)
-        return rest
-
     def join(self, column: Vector, errors: Vector, columns: NDArray[np.float64], weight: Vector) -> int:
         """Add a column to those that are given again; return its number."""
         products = np.empty((self.blocks, columns.shape[0] + 2))

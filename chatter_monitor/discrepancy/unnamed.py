@@ -105,12 +105,26 @@ class Rest:
         usual : sequence of Rest
             What the model leaves of simulations of itself, which is none of the machine's.
         """
-        evidence = self.evidence.less([rest.evidence for rest in usual]) if usual else self.evidence
-        return Unnamed(
-            {name: smooth_nats(evidence, index) for name, index in self._groups.items()},
-            {key: evidence.regress([column]).gain for key, column in self._varied.items()},
-            self._echo,
-        )
+        smooth = {
+            name: smooth_nats(self.evidence, index, self._usual([(rest, rest._groups[name]) for rest in usual]))
+            for name, index in self._groups.items()
+        }
+        variations = {
+            key: gain_nats(self.evidence, column, self._usual([(rest, [rest._varied[key]]) for rest in usual]))
+            for key, column in self._varied.items()
+        }
+        return Unnamed(smooth, variations, self._echo)
+
+    def _usual(self, others: Sequence[tuple[Rest, Sequence[int]]]) -> Vector | float:
+        """Products of errors and columns in other rests, what was fitted there taken out, for as many samples as here.
+
+        The mean of the others; 0 if there are none. Their fits may have other nuisance columns than this one.
+        """
+        found = []
+        for rest, columns in others:
+            right, _, size = within(rest.evidence, columns)
+            found.append(right * size * float(self.evidence.samples.sum() / rest.evidence.samples.sum()))
+        return np.asarray(np.mean(found, axis=0)) if found else 0.0
 
     @cached_property
     def _echo(self) -> Echo:
@@ -120,7 +134,7 @@ class Rest:
         return find_echo(self._inn, left, self._case.weight)
 
 
-def smooth_nats(evidence: Evidence, columns: Sequence[int]) -> float:
+def smooth_nats(evidence: Evidence, columns: Sequence[int], usual: Vector | float = 0.0) -> float:
     """Logarithm of the Bayes factor of a force that is a sum of bumps over no force, nats.
 
     Beforehand the coefficients of all bumps are normal with one variance, the one that explains best. For a variance
@@ -132,8 +146,11 @@ def smooth_nats(evidence: Evidence, columns: Sequence[int]) -> float:
     evidence : Evidence
     columns : sequence of int
         Of the bumps; all in the same unit.
+    usual : ndarray of float64, shape (c,)
+        Products of errors and columns, the nuisance taken out, that are none of a force's.
     """
     right, normal, size = within(evidence, columns)
+    right -= usual / size
     unit = size / np.sqrt(np.mean(size**2))
     values, vectors = np.linalg.eigh(normal * np.outer(unit, unit))
     values = np.maximum(values, 0.0)
@@ -143,6 +160,13 @@ def smooth_nats(evidence: Evidence, columns: Sequence[int]) -> float:
         gained = 1.0 + variance * values
         best = max(best, 0.5 * float(np.sum(variance * seen / gained - np.log(gained))))
     return best
+
+
+def gain_nats(evidence: Evidence, column: int, usual: Vector | float = 0.0) -> float:
+    """Gain of one column beside the nuisance, nats; `usual` as of `smooth_nats`."""
+    right, normal, size = within(evidence, [column])
+    [explained] = right - usual / size
+    return 0.5 * float(explained**2 / normal[0, 0])
 
 
 def _varied(inn: Innovations, applied: AppliedTerm) -> list[Matrix]:

@@ -22,18 +22,3 @@ def test_what_is_known_beforehand_counts_as_its_standard_deviation_says():
     assert both.sd[0] == pytest.approx((0.02**-2 + sd**-2) ** -0.5)
     cost = evidence.rest(both, [0], evidence.everything) - (0.5 * errors @ errors - alone.gain)
     assert cost == pytest.approx(0.5 * (by_errors - 0.1) ** 2 / (sd**2 + 0.02**2))
-
-
-def test_what_others_have_in_common_is_no_evidence():
-    """A bias that a recording shares with simulations goes; what it has beyond them stays. Lengths may differ."""
-    rng = np.random.default_rng(4)
-
-    def evidence(samples, coefficient):
-        column = rng.standard_normal(samples)
-        return Evidence(coefficient * column + rng.standard_normal(samples), [column], np.ones(samples), [], 500)
-
-    like, beyond, usual = evidence(4000, 0.3), evidence(4000, 0.5), [evidence(40_000, 0.3), evidence(80_000, 0.3)]
-    assert like.regress([0]).gain > 100.0
-    assert like.less(usual).regress([0]).gain < 5.0
-    assert beyond.less(usual).regress([0]).coefficients[0] == pytest.approx(0.2, abs=0.05)
-    assert like.regress([0]).gain > 100.0  # as it was

@@ -38,6 +38,16 @@ def test_strong_damping_keeps_its_name(strongly_damped):
     assert np.mean([each.examined().variations[DRAG] for each in usual]) > 3.0  # 0.5 by chance
 
 
+def test_what_else_was_fitted_to_the_recording_is_not_asked_of_a_simulation(strongly_damped):
+    """A column that the recording has alone, as for another machine's tone, changes next to nothing."""
+    case, fit = strongly_damped.case, strongly_damped.augmented
+    usual = Itself(case, fit).rests
+    tone = np.sin(0.3 * np.arange(case.recorded.samples.size))
+    alone, beside = (Rest(case, fit.innovations, c, fit.system.terms) for c in (fit.columns, [*fit.columns, tone]))
+    expected = alone.examined(usual).variations[DRAG]
+    assert beside.examined(usual).variations[DRAG] == pytest.approx(expected, abs=0.1)
+
+
 def test_a_model_as_it_stands_is_that_of_its_fit(strongly_damped):
     """On the recording that it was fitted to it leaves the same errors."""
     fit = strongly_damped.augmented

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from chatter_monitor.discrepancy.evidence import Evidence
-from chatter_monitor.discrepancy.unnamed import out_of_range, smooth_nats
+from chatter_monitor.discrepancy.name import within
+from chatter_monitor.discrepancy.unnamed import gain_nats, out_of_range, smooth_nats
 from chatter_monitor.physics.parts import AppliedTerm
 from chatter_monitor.physics.terms import CATALOGUE
 from tests.discrepancy.machine import Machine
@@ -45,6 +46,19 @@ def test_the_bayes_factor_is_that_of_the_marginal_likelihood():
 
     best = max(log_density(variance) for variance in np.geomspace(1e-3, 1.0, 25)) - log_density(0.0)
     assert smooth_nats(evidence_of(errors, columns), range(1, 6)) == pytest.approx(best, abs=0.3)
+
+
+def test_what_simulations_have_as_well_is_no_force():
+    """Products of errors and columns that are known to be the filter's own leave nothing, others stay."""
+    rng = np.random.default_rng(134)
+    columns = rng.standard_normal((6, SAMPLES))
+    evidence = evidence_of(rng.standard_normal(SAMPLES) + 0.15 * columns[1:].sum(axis=0), columns)
+    right, _, size = within(evidence, range(1, 6))
+    assert smooth_nats(evidence, range(1, 6)) > 10.0
+    assert smooth_nats(evidence, range(1, 6), right * size) == 0.0
+    assert gain_nats(evidence, 1) == pytest.approx(evidence.regress([1]).gain)
+    [alone], _, [unit] = within(evidence, [1])
+    assert gain_nats(evidence, 1, 0.5 * alone * unit) == pytest.approx(0.25 * gain_nats(evidence, 1))
 
 
 def test_a_sign_that_takes_most_of_the_velocity_to_change_is_no_dry_friction():
