@@ -23,9 +23,9 @@ import numpy as np
 import soundfile
 
 from benchmarks.stretches import written
-from chatter_monitor.discrepancy import basis
 from chatter_monitor.discrepancy.augment import Start, fullest
 from chatter_monitor.discrepancy.case import Case
+from chatter_monitor.discrepancy.columns import gather_machine
 from chatter_monitor.discrepancy.diagnosis import in_band, recorded_from
 from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.faults import restlessness
@@ -52,9 +52,7 @@ def prepared(directory: Path) -> Case:
     inn = Innovations(recorded, fitted.linear)
     case = Case(system, whole, recorded, Base(fitted, fitted, [], sensor.quantity, [], spectrum), inn)
     case.unrest = restlessness(inn.white, inn.used, recorded.rate_hz)
-    case.matrix, case.columns = basis.retuning(inn), {"retuning": [0, 1]}
-    block = max(1, round(case.block_s * recorded.rate_hz))
-    case.evidence = Evidence(inn.white, case.matrix, case.weight, range(len(case.matrix)), block)
+    gather_machine(case)
     return case
 
 

@@ -157,6 +157,11 @@ class Case:
         return min(BLOCK_S, self.recorded.seconds / LEAST_BLOCKS)
 
     @property
+    def block(self) -> int:
+        """Samples in a block."""
+        return max(1, round(self.block_s * self.recorded.rate_hz))
+
+    @property
     def weight(self) -> Vector:
         """Reciprocal of the standard deviation of every whitened error; 0 for those not to be used."""
         scale = self.unrest.scale if self.unrest else np.std(self.innovations.white)

@@ -62,12 +62,18 @@ def gather(case: Case) -> None:
     add("time", basis.along_time(inn))
     add("angle", basis.along_angle(inn))
     weight = case.weight
-    block = max(1, round(case.block_s * recorded.rate_hz))
     matrix = np.array(columns)
-    case.evidence = Evidence(inn.white, matrix, weight, groups["nuisance"], block)
+    case.evidence = Evidence(inn.white, matrix, weight, groups["nuisance"], case.block)
     case.columns |= groups
     case.swing = modulation(inn, weight, matrix[0])
     case.contest, case.matrix = Contest(case.evidence, entries, seen, together=True), matrix
+
+
+def gather_machine(case: Case) -> None:
+    """Columns of the machine alone: all that a full fit needs where nothing is looked for."""
+    case.matrix = basis.retuning(case.innovations)
+    nuisance = case.columns["retuning"] = list(range(len(case.matrix)))
+    case.evidence = Evidence(case.innovations.white, case.matrix, case.weight, nuisance, case.block)
 
 
 def known_units(system: MachiningSystem) -> list[tuple[int, str, tuple[Term, tuple[float, ...]]]]:

@@ -12,12 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
-from chatter_monitor.discrepancy import basis
 from chatter_monitor.discrepancy.augment import Augmented, as_it_stands
 from chatter_monitor.discrepancy.band import at_rate
 from chatter_monitor.discrepancy.case import Case
+from chatter_monitor.discrepancy.columns import gather_machine
 from chatter_monitor.discrepancy.diagnosis import recorded_from
-from chatter_monitor.discrepancy.evidence import Evidence
 from chatter_monitor.discrepancy.free_run import free_run
 from chatter_monitor.discrepancy.innovations import Diverged, Innovations
 from chatter_monitor.discrepancy.side_by_side import each
@@ -63,11 +62,7 @@ class Itself:
         recorded = at_rate(whole, case.recorded.rate_hz)
         inn = Innovations(recorded, case.innovations.linear, case.innovations.terms)
         beside = Case(case.system, whole, recorded, case.base, inn)
-        beside.matrix = basis.retuning(inn)
-        beside.columns = {"retuning": list(range(len(beside.matrix)))}
-        beside.evidence = Evidence(
-            inn.white, beside.matrix, beside.weight, beside.columns["retuning"], case.evidence.block
-        )
+        gather_machine(beside)
         try:
             fit = as_it_stands(beside, augmented)
         except Diverged:
