@@ -135,9 +135,8 @@ class Channel:
 
     def _margin_of(self, frame: OdpFrame, orders: Orders) -> Margin:
         """Margin at the end of a frame; the delay is known only with the spindle, not with any comb."""
-        known = self._spindle.speed_rpm is not None
-        rotation_hz = orders.rotation_hz if known else None
-        for margin in self._margin.process(frame.signal, rotation_hz, orders.rotation_sd_hz if known else None):
+        turns = (None, None) if orders.source == "found" else (orders.rotation_hz, orders.rotation_sd_hz)
+        for margin in self._margin.process(frame.signal, *turns):
             self._last_margin = margin
         return self._last_margin
 

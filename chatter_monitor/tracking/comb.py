@@ -41,6 +41,8 @@ ENOUGH_TOLD = math.log(20.0)
 # Multiples of the told passing of teeth that a few lines may be of. With a speed that may be 3.5 % off, each takes up
 # 7 % of the frequencies times its number, and what is there by chance, chatter too, may be taken for it.
 FIRST_MULTIPLES = 4
+# The mains hum at multiples of their frequency, or of twice that, which they keep to so much.
+MAINS_HZ, MAINS_KEEP = (50.0, 60.0), 0.005
 # Logarithms of the factorials of numbers up to that of the lines.
 LOG_FACTORIAL = gammaln(np.arange(max(STRONGEST, MANY) + 1) + 1)
 
@@ -105,6 +107,11 @@ class Target:
     def admits(self, fundamental_hz: float) -> bool:
         """Whether a fundamental is in the range."""
         return self.low_hz <= fundamental_hz <= self.high_hz
+
+    def may_be(self, fundamental_hz: float) -> bool:
+        """Whether a comb of this fundamental may be that of the known spindle: its rotation, teeth, or some of them."""
+        alike = [n for n in range(1, (self.teeth or 1) + 1) if (self.teeth or 1) % n == 0]
+        return any(self.admits(fundamental_hz / n) for n in alike)
 
     def stands(self, orders: NDArray[np.int64], fundamental_hz: float) -> bool:
         """Whether these orders, ascending, make a comb of this fundamental, even without any one of them.
@@ -223,6 +230,30 @@ def find_comb(lines: Lines, target: Target) -> Comb | None:
             return comb
         lines = lines.without(family)
     return None
+
+
+def speaks_against(rival: Comb, comb: Comb | None, lines: Lines, told: Target) -> bool:
+    """Whether a comb among lines says that the spindle does not turn as fast as was told.
+
+    It cannot be that spindle's, nor the mains', there is more evidence for it than for what was found at the told speed
+    (`comb`), by as much as a comb needs, and without its lines nothing is found there: another machine's comb leaves
+    the spindle's.
+    """
+    if told.may_be(rival.fundamental_hz) or _is_mains(rival.fundamental_hz):
+        return False
+    if comb is not None and rival.evidence < comb.evidence + ENOUGH:
+        return False
+    return find_comb(lines.without(lines.on(rival.fundamental_hz)), told) is None
+
+
+def speaks_for(comb: Comb, rival: Comb | None, told: Target) -> bool:
+    """Whether a comb at a speed that was told, and doubted since, is that of that spindle after all."""
+    behind = rival is not None and not told.may_be(rival.fundamental_hz) and comb.evidence < rival.evidence
+    return comb.evidence > ENOUGH and not behind
+
+
+def _is_mains(fundamental_hz: float) -> bool:
+    return any(abs(fundamental_hz / (n * mains) - 1.0) < MAINS_KEEP for mains in MAINS_HZ for n in (0.5, 1, 2))
 
 
 def _best_comb(lines: Lines, target: Target) -> Comb | None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels.conditioning import copy_present
-from chatter_monitor.tracking.comb import Comb, Lines, Spectrum, Target, find_comb
+from chatter_monitor.tracking.comb import Comb, Lines, Spectrum, Target, find_comb, speaks_against, speaks_for
 from chatter_monitor.tracking.harmonics import Harmonics
 from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands
 from chatter_monitor.tracking.turns import TURNS, Piecemeal, in_turn
@@ -17,7 +18,16 @@ from chatter_monitor.tracking.turns import TURNS, Piecemeal, in_turn
 # Doubt about a speed that was averaged over the search window: it wanders.
 START_SD = 0.002
 CHECK_FRAMES = 5  # from one look at whether it still is a comb to the next
+# A speed that was heard so lately is not doubted: other combs that come within a cut are more likely those of chatter.
+LATELY_S = 10.0
 CATCH_UP_FRAMES = 16  # of the past that a new comb is followed through while one comes in
+
+
+class Candidate(NamedTuple):
+    """A comb that was found, and what it was found as: a target that it has to go on being."""
+
+    comb: Comb
+    target: Target
 
 
 class CombFollower:
@@ -25,12 +35,15 @@ class CombFollower:
 
     What is found is followed through that stretch first. Only if its harmonics were steady there is it taken out, and
     then it is known when the next sample comes. The search for a known speed is shared out over frames
-    (`tracking.turns`).
+    (`tracking.turns`). A speed is not known any more, though it was told, when there is a comb that speaks against it:
+    that is followed instead, until what was told is heard, or another speed is told.
 
     Parameters
     ----------
     target : Target
         What to look for.
+    anything : Target
+        What comb may speak against the speed that was told.
     frame : int
         Samples of a frame, the grid on which it looks and learns.
     sample_rate_hz, window_s, memory_s, lowest_hz, lost_s : float
@@ -42,6 +55,7 @@ class CombFollower:
     def __init__(
         self,
         target: Target,
+        anything: Target,
         frame: int,
         sample_rate_hz: float,
         *,
@@ -53,7 +67,8 @@ class CombFollower:
     ) -> None:
         self.harmonics: Harmonics | None = None
         self.frames = 0  # that have been heard
-        self._target = target
+        self._target = self._followed = target
+        self._anything = anything
         self._rate_hz = sample_rate_hz
         self._memory_s = memory_s
         self._lowest_hz = lowest_hz
@@ -62,17 +77,24 @@ class CombFollower:
         self._past = np.zeros((self._window + TURNS, frame))
         self._heard = 0  # frames of the past that can be looked through
         self._rest = 0  # frames until the next search
-        self._search: Piecemeal[Harmonics | None] | None = None
+        self._search: Piecemeal[tuple[Harmonics, Target] | None] | None = None
         self._spectra: dict[int, Spectrum] = {}
         self._patience = lost_s * sample_rate_hz / frame
+        self._lately = LATELY_S * sample_rate_hz / frame
+        self._since_told = math.inf  # frames since the comb of the target was followed
         self._doubtful_frames = 0
 
     def aim(self, target: Target) -> None:
         """Look for something else; what is followed stays if it is that, too."""
-        self._target = target
+        self._target = self._followed = target
         self._search = None
         if self.harmonics is not None and not target.admits(self.harmonics.rotation_hz):
             self.harmonics = None
+
+    @property
+    def doubts(self) -> bool:
+        """Whether what turns spoke against the speed that was told, when something was heard last."""
+        return self._followed is not self._target
 
     def forget(self) -> None:
         """Listen anew: the past is no longer like what comes."""
@@ -107,7 +129,9 @@ class CombFollower:
             Whether a new comb was found.
         """
         self.frames += 1
+        self._since_told += 1
         if self.harmonics is not None:
+            self._since_told = self._since_told if self.doubts else 0
             self.harmonics.learn()
             self._check(self.harmonics, sidebands)
         if copy_present(samples, math.inf, self._past[self.frames % len(self._past)]) == len(samples):
@@ -119,7 +143,7 @@ class CombFollower:
             self._search = self._begin(taken_hz)
         return self._search is not None and self._go_on(self._search)
 
-    def _begin(self, taken_hz: float | None) -> Piecemeal[Harmonics | None] | None:
+    def _begin(self, taken_hz: float | None) -> Piecemeal[tuple[Harmonics, Target] | None] | None:
         """Begin a search, if enough has been heard."""
         # A range that is narrow needs less to be sure. A speed that wanders blurs a line the more the longer one looks,
         # and is steady enough at one time or another.
@@ -130,15 +154,16 @@ class CombFollower:
         self._rest = 0 if self._known else self._window // 2
         return self._look(lengths, taken_hz)
 
-    def _go_on(self, search: Piecemeal[Harmonics | None]) -> bool:
+    def _go_on(self, search: Piecemeal[tuple[Harmonics, Target] | None]) -> bool:
         """Do a frame's part of a search; tell whether it has found a comb."""
         try:
             next(search)
         except StopIteration as over:
             self._search = None
-            self.harmonics = over.value
-            self._doubtful_frames = 0
-            return self.harmonics is not None
+            if over.value is not None:
+                self.harmonics, self._followed = over.value
+                self._doubtful_frames = 0
+                return True
         return False
 
     def _check(self, harmonics: Harmonics, sidebands: Sidebands | None) -> None:
@@ -146,11 +171,11 @@ class CombFollower:
 
         Where the speed changes, it stays one.
         """
-        if sidebands is not None and not self._known and sidebands.on(harmonics.rotation_hz):
+        if sidebands is not None and not _is_told(self._followed) and sidebands.on(harmonics.rotation_hz):
             self.harmonics = None
             return
         if self.frames % CHECK_FRAMES == 0:
-            if self._target.stands(harmonics.clear(), harmonics.rotation_hz):
+            if self._followed.stands(harmonics.clear(), harmonics.rotation_hz):
                 self._doubtful_frames = 0
             else:
                 self._doubtful_frames += CHECK_FRAMES
@@ -185,36 +210,53 @@ class CombFollower:
     def _latest(self, frames: int) -> NDArray[np.float64]:
         return self._past[np.arange(self.frames - frames + 1, self.frames + 1) % len(self._past)]
 
-    def _look(self, lengths: list[int], taken_hz: float | None) -> Piecemeal[Harmonics | None]:
+    def _look(self, lengths: list[int], taken_hz: float | None) -> Piecemeal[tuple[Harmonics, Target] | None]:
         """Look for a comb in so many of the last frames, and follow it from there to now."""
         for frames in lengths:
             begun = self.frames
-            search = partial(self._comb_of, frames, begun, taken_hz)
-            comb = (yield from in_turn(self._turn, search)) if self._known else search()
-            harmonics = None if comb is None else (yield from self._follow(comb, frames, self.frames - begun))
-            if harmonics is not None:
-                return harmonics
+            search = partial(self._candidate, frames, begun, taken_hz)
+            found = (yield from in_turn(self._turn, search)) if self._known else search()
+            if found is not None:
+                harmonics = yield from self._follow(found, frames, self.frames - begun)
+                if harmonics is not None:
+                    return harmonics, found.target
         return None
 
     @property
     def _known(self) -> bool:
         """Whether it is after the comb of a known speed. Any other is worth a long frame: waiting costs alarms."""
-        return self._target.teeth is not None
+        return _is_told(self._target)
 
-    def _comb_of(self, frames: int, last: int, taken_hz: float | None) -> Comb | None:
+    def _candidate(self, frames: int, last: int, taken_hz: float | None) -> Candidate | None:
+        """The comb of so many frames, if there is one."""
         lines = self._lines(frames, last)
         if taken_hz is not None:
             lines = lines.without(lines.on(taken_hz))
+        if not self._known:
+            comb = self._any_comb(lines, last, self._target)
+            return None if comb is None else Candidate(comb, self._target)
         comb = find_comb(lines, self._target)
-        if comb is None or self._known:
+        rival = self._any_comb(lines, last, self._anything) if self._since_told > self._lately else None
+        if rival is not None and speaks_against(rival, comb, lines, self._target):
+            # half a window is enough to doubt what was told, but not to believe anything else
+            return Candidate(rival, self._anything) if frames == self._window else None
+        if comb is None or (self.doubts and not speaks_for(comb, rival, self._target)):
+            return None
+        return Candidate(comb, self._target)
+
+    def _any_comb(self, lines: Lines, last: int, target: Target) -> Comb | None:
+        """A comb among lines that is not that of a vibration with sidebands."""
+        comb = find_comb(lines, target)
+        if comb is None or not self.has_heard_enough:
             return comb
-        sidebands = find_sidebands(self.faint_lines(last), self._target.low_hz)
+        sidebands = find_sidebands(self.faint_lines(last), target.low_hz)
         if sidebands is None or not sidebands.on(comb.fundamental_hz):
             return comb
-        return find_comb(lines.without(sidebands.of(lines)), self._target)
+        return find_comb(lines.without(sidebands.of(lines)), target)
 
-    def _follow(self, comb: Comb, frames: int, ago: int) -> Piecemeal[Harmonics | None]:
+    def _follow(self, found: Candidate, frames: int, ago: int) -> Piecemeal[Harmonics | None]:
         """Follow a comb through the frames in which it was found, so many frames ago, and on to now."""
+        comb, target = found
         sd_hz = max(comb.fundamental_sd_hz, START_SD * comb.fundamental_hz)
         harmonics = Harmonics(
             comb.fundamental_hz, sd_hz, self._rate_hz, memory_s=self._memory_s, lowest_hz=self._lowest_hz
@@ -233,5 +275,10 @@ class CombFollower:
         # A self-excited vibration that crosses an order takes the harmonics along, away from where the other lines are.
         now_hz = harmonics.rotation_hz
         on_lines = self._lines(frames - frames // 2, self.frames).orders(now_hz)
-        stands = self._target.stands(harmonics.clear(), now_hz) and self._target.stands(on_lines, now_hz)
+        stands = target.stands(harmonics.clear(), now_hz) and target.stands(on_lines, now_hz)
         return harmonics if stands else None
+
+
+def _is_told(target: Target) -> bool:
+    """Whether it is the comb of a spindle whose speed was told."""
+    return target.teeth is not None

@@ -117,6 +117,8 @@ class Orders(NamedTuple):
         there is none (`kernels.rotations`).
     sidebands : Sidebands or None
         A line with sidebands that is no multiple of their spacing, in the window before.
+    doubted : bool
+        Whether the speed that was told is not believed any more: what turns speaks against it.
     """
 
     first_sample: int
@@ -133,6 +135,7 @@ class Orders(NamedTuple):
     power: float = 0.0
     growth: float = 0.0
     sidebands: Sidebands | None = None
+    doubted: bool = False
 
     @property
     def heard(self) -> bool:
@@ -164,6 +167,7 @@ class OrderTracker:
         self._followers = [
             CombFollower(
                 target,
+                anything,
                 size,
                 sample_rate_hz,
                 window_s=settings.window_s,
@@ -259,11 +263,16 @@ class OrderTracker:
     def _is_explained(self) -> bool:
         """Whether the spindle takes most of the power; any other comb may be one of sidebands."""
         spindle, other = (follower.harmonics for follower in self._followers)
-        turns = self._spindle.speed_rpm is not None and spindle is not None and other is None
+        turns = self._believed and spindle is not None and other is None
         return turns and self._share > MOST
 
+    @property
+    def _believed(self) -> bool:
+        """Whether a speed was told that nothing speaks against."""
+        return self._spindle.speed_rpm is not None and not self._followers[0].doubts
+
     def _find_sidebands(self, last: int) -> Sidebands | None:
-        told = None if self._spindle.speed_rpm is None else self._target()
+        told = self._target() if self._believed else None
         return find_sidebands(self._followers[0].faint_lines(last), self._settings.slowest_hz, told)
 
     def finish(self) -> list[Orders]:
@@ -310,16 +319,15 @@ class OrderTracker:
         self._taken_s = 0.0 if self._taken[0] > combs_before else self._taken_s + INTERVAL_S
         returned = self._taken[0] < combs_before and taken_before - share * power >= RETURNED_SHARE * power
         combs = [(follower.harmonics, _lines(follower.harmonics)) for follower in self._followers]
-        rpm = self._spindle.speed_rpm
-        if rpm is None:  # nobody knows which is the spindle's
+        if not self._believed:  # nobody knows which is the spindle's
             combs.sort(key=lambda comb: -sum(line.rms**2 for line in comb[1]))
         (spindle, lines), (other, other_lines) = combs
         other_hz = None if other is None else other.rotation_hz
         if spindle is not None:
-            source: Source | None = "found" if rpm is None else "refined"
+            source: Source | None = "refined" if self._believed else "found"
             hertz: float | None = spindle.rotation_hz
             sd_hz: float | None = spindle.rotation_sd_hz
-            if rpm is not None:
+            if self._believed:
                 self._heard = (spindle.rotation_hz, spindle.rotation_sd_hz, first_sample)
         else:
             hertz, sd_hz, source = self._from_memory(first_sample)
@@ -332,13 +340,15 @@ class OrderTracker:
             power=power,
             growth=growth,
             sidebands=self._sidebands,
+            doubted=self._followers[0].doubts,
         )
 
     def _from_memory(self, sample: int) -> tuple[float | None, float | None, Source | None]:
         """Speed, standard deviation and source while the spindle is not heard."""
-        if self._spindle.speed_rpm is None:
+        rpm = self._spindle.speed_rpm
+        if rpm is None or not self._believed:
             return None, None, None
-        nominal_hz = self._spindle.speed_rpm / 60.0
+        nominal_hz = rpm / 60.0
         nominal_sd_hz = NOMINAL_SD * nominal_hz
         if self._heard is not None:
             hertz, sd_hz, then = self._heard

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import statistics
 
+from chatter_monitor.physics.lobes import Recommendation
 from chatter_monitor.records import Event, Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict.advice import advise
 from chatter_monitor.verdict.opinion import SAME_VIBRATION
+from chatter_monitor.verdict.reasons import DOUBTED
+
+# Neither is what it was, most likely, so no other speed can be advised.
+TELL_THE_SPEED = Recommendation((), f"tell the spindle's speed and teeth: {DOUBTED}")
 
 
 class EventLog:
@@ -56,7 +61,7 @@ class EventLog:
         usual_hz = statistics.median(hertz for _, hertz in heard)
         lasting = [(damping, hertz) for damping, hertz in heard if abs(hertz - usual_hz) <= SAME_VIBRATION * usual_hz]
         damping_ratio, frequency_hz = min(lasting or heard)
-        recommendation = advise(frequency_hz, self._spindle)
+        recommendation = TELL_THE_SPEED if DOUBTED in intervals[-1].reasons else advise(frequency_hz, self._spindle)
         self._count += 1
         return Event(
             id=f"{self._prefix}-{channel}-{self._count:04d}",

@@ -154,10 +154,11 @@ def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
     """Reduce an interval to evidence."""
     frame, orders = observation.odp, observation.orders
     samples, slots = frame.status.shape
+    teeth = 1 if orders.doubted else spindle.teeth  # who turns at another speed may have other teeth
     modes, heard = np.empty((slots, 4)), np.empty((len(observation.lines), kernel.FIELDS))
     count, critical, held, starting = kernel.weigh(
         (frame.frequency_hz, frame.damping_ratio, frame.damping_sd),
-        *(frame.status, frame.hold, frame.share, observation.lines, LOWEST_HZ, speed(orders), spindle.teeth),
+        *(frame.status, frame.hold, frame.share, observation.lines, LOWEST_HZ, speed(orders), teeth),
         *(np.empty(samples, np.float32), np.empty((slots, STATUSES), np.int64), modes, heard),
     )
     return Evidence(

@@ -9,6 +9,7 @@ from __future__ import annotations
 from chatter_monitor.kernels.vibrations import Rules
 from chatter_monitor.records import Flag, Verdict
 from chatter_monitor.tracking.margin import FRAMES_TO_RENEW, Margin
+from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, spindle_order
 from chatter_monitor.verdict.opinion import Memory, Opinion, entering, is_undamped, opinion, stands_for
 from chatter_monitor.verdict.settings import JudgeSettings
@@ -119,7 +120,7 @@ class Judge:
             order=None if frequency_hz is None else spindle_order(frequency_hz, evidence.orders),
             confidence=round(view.confidence, 4),
             margin_percent=None if view.state in WITHOUT_MARGIN else evidence.margin.margin_percent,
-            reasons=list(view.reasons),
+            reasons=[*view.reasons, reasons.DOUBTED] if evidence.orders.doubted else list(view.reasons),
             flags=evidence.flags.names(),
         )
 

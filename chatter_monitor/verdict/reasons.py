@@ -9,6 +9,9 @@ from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.evidence import ModeEvidence
 from chatter_monitor.verdict.vibrations import Followed
 
+# Whatever the state is.
+DOUBTED = "what turns is not at the spindle speed that was told"
+
 
 def warned(suspect: Followed) -> str:
     """What is not certain: whether it grows, or what makes it."""

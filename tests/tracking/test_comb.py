@@ -5,7 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chatter_monitor.tracking.comb import ENOUGH, STRONGEST, Lines, Spectrum, Target, find_comb
+from chatter_monitor.tracking.comb import (
+    ENOUGH,
+    STRONGEST,
+    Comb,
+    Lines,
+    Spectrum,
+    Target,
+    find_comb,
+    speaks_against,
+    speaks_for,
+)
 from tests.signals import RATE_HZ
 
 ANY = Target(5.0, 250.0)
@@ -117,3 +127,35 @@ def test_noise_has_no_lines():
     spectrum = Spectrum(32_640, RATE_HZ, 20.0)
     noises = (np.convolve(rng.standard_normal(32_700), [1, 0.9, 0.5], "valid")[:32_640] for _ in range(20))
     assert sum(len(spectrum.lines(noise).frequency_hz) for noise in noises) <= 1
+
+
+@pytest.mark.parametrize(
+    ("heard", "against"),
+    [
+        (MEASURED, True),
+        (MEASURED / 2.0, False),  # teeth of the spindle that was told: it turns as told
+        ([MEASURED, 46.0 * 1.01 * np.array([1, 3, 5, 7])], False),  # another machine's, beside the spindle's
+        (59.98 * np.array([1, 2, 3, 4, 5, 6]), False),  # the mains
+        (59.98 * np.array([2, 4, 6, 8, 10, 12]), False),
+        (29.99 * np.array([2, 3, 4, 6, 8, 10]), False),
+    ],
+)
+def test_what_speaks_against_a_speed_that_was_told(heard, against):
+    """A comb that is not that spindle's, where that is not heard."""
+    told = Target(0.965 * 45.9 / 2.0, 1.035 * 45.9 / 2.0, 2)
+    if isinstance(heard, list):  # told is what is heard beside it
+        told = Target(0.965 * 46.0, 1.035 * 46.0, 1)
+        heard = np.concatenate(heard)
+    found = lines(heard)
+    rival, comb = find_comb(found, ANY), find_comb(found, told)
+    assert speaks_against(rival, comb, found, told) is against
+
+
+def test_what_speaks_for_a_speed_that_was_doubted():
+    """Evidence that would be enough if it had not been told, and more than for another speed."""
+    told = Target(45.0, 47.0, 2)
+    few, many, other = (Comb(hertz, 0.01, e) for hertz, e in ((46.0, ENOUGH - 1), (46.0, 20.0), (31.0, 25.0)))
+    assert not speaks_for(few, None, told)
+    assert speaks_for(many, None, told)
+    assert not speaks_for(many, other, told)
+    assert speaks_for(many, Comb(92.0, 0.01, 25.0), told)  # its teeth

@@ -116,6 +116,43 @@ def test_a_new_speed_is_gone_by():
     assert power(residual, 3) < 0.03
 
 
+def test_a_speed_that_is_not_true_any_more_is_doubted():
+    """Within 3.4 s what turns is taken out as if nothing had been told, until it turns as fast as was told."""
+    stale = SpindleSettings(60.0 * 41.0, 4)
+    turns = np.concatenate([comb(6, TURNS_HZ, MILLING), np.zeros(at(12.0)), comb(6, 41.4, MILLING)]) + noise(24)
+    residual, frames = take_out(turns, stale)
+    other, again = frames[68:118], frames[-60:]
+    assert {(frame.source, frame.doubted) for frame in other} == {("found", True)}
+    assert all(abs(frame.rotation_hz - TURNS_HZ) < 0.03 for frame in other)
+    assert power(residual, 3.4, 5.9) < 0.02 * power(turns, 3.4, 5.9)
+    assert {(frame.source, frame.doubted) for frame in again} == {("refined", False)}
+    assert all(abs(frame.rotation_hz - 41.4) < 0.04 for frame in again)
+
+
+def test_a_speed_that_is_told_is_believed_at_first():
+    """Also if another was doubted just now."""
+    tracker = OrderTracker(OrderSettings(), RATE_HZ, SpindleSettings(60.0 * 41.0, 3))
+    _, frames = tracker.process(0, comb(4, TURNS_HZ, MILLING) + noise(4))
+    assert frames[-1].doubted
+    tracker.set_spindle(GIVEN)
+    _, frames = tracker.process(at(4.0), noise(0.1))
+    assert not frames[0].doubted
+
+
+@pytest.mark.parametrize(
+    ("beside", "level"),
+    [
+        ({1: 1.0, 2: 0.7, 3: 0.5, 4: 0.3, 5: 0.2}, 0.1),  # a belt
+        ({4: 1.0, 8: 0.7, 12: 0.5, 16: 0.3}, 0.02),
+    ],
+)
+def test_what_another_machine_turns_is_no_doubt(beside, level):
+    """As long as the spindle is heard as well, or was just now: not even when another comb comes alone."""
+    spindle = np.concatenate([comb(8, TURNS_HZ, MILLING), np.zeros(at(4.0))])
+    _, frames = take_out(spindle + comb(12, 33.7, beside) + noise(12, level), GIVEN)
+    assert not any(frame.doubted for frame in frames)
+
+
 def test_a_comb_that_is_heard_is_followed_out_of_the_range_of_its_speed():
     """A spindle that slows down by a sixth in ten seconds goes on being taken out, whatever speed was told."""
     speeds_hz = TURNS_HZ * (1.0 - 0.0167 * np.clip(np.arange(at(14)) / RATE_HZ - 3.0, 0.0, 10.0))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import msgspec
 import pytest
 
 from chatter_monitor.records import Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict.event_log import EventLog
+from chatter_monitor.verdict.reasons import DOUBTED
 
 MILL = SpindleSettings(speed_rpm=1656.0, teeth=6, max_rpm=12_000.0)
 
@@ -113,3 +115,12 @@ def test_advice_is_for_the_speed_at_the_end():
     log.follow(verdict_of("self_excited", 0))
     log.set_spindle(MILL)
     assert log.follow(verdict_of("stable", 1)).advice
+
+
+def test_nothing_is_advised_at_a_speed_that_is_not_believed():
+    """Speeds for the teeth that were told would be wrong for those that turn; the remedy is to tell them."""
+    alarm = verdict_of("self_excited", 0)
+    event = event_of(msgspec.structs.replace(alarm, reasons=["grown", DOUBTED]), spindle=MILL)
+    assert event.advice == []
+    assert "tell the spindle's speed" in event.remedy
+    assert event_of(alarm, spindle=MILL).advice

@@ -18,6 +18,7 @@ from chatter_monitor.tracking.margin import FRAMES_TO_RENEW, Margin
 from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.sidebands import Sidebands
 from chatter_monitor.tracking.spectrum import Line
+from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Place, Vibration
 from chatter_monitor.verdict.judge import DEAF, Judge
 from chatter_monitor.verdict.opinion import Memory, opinion
@@ -494,3 +495,14 @@ def test_whatever_happens(history):
         assert 0.0 <= verdict.confidence <= 1.0
     for before, after in pairwise(verdicts):
         assert before.sample1 == after.sample0
+
+
+def test_a_speed_that_is_not_believed_is_told_of_in_every_state():
+    """Also while nothing is cut: that is when a new one can be told."""
+    judge = Judge(JudgeSettings())
+    doubted = UNKNOWN_SPEED._replace(doubted=True)
+    for quiet in (False, True):
+        verdict = judge.verdict(evidence(steady(), orders=doubted, cutting=not quiet), 0, 640, 12800.0)
+        assert (verdict.state == "idle") is quiet
+        assert reasons.DOUBTED in verdict.reasons
+    assert reasons.DOUBTED not in judge.verdict(evidence(steady()), 0, 640, 12800.0).reasons
