@@ -1,6 +1,7 @@
 """Score the monitor on simulated cuts.
 
-Run: python -m benchmarks.verdict [--split development|report] [--cuts N] [--speed known|unknown|both] [--out DIR]
+Run: python -m benchmarks.verdict [--split development|report] [--cuts N] [--first N]
+    [--speed known|unknown|both|stale] [--out DIR]
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from rich.progress import track
 
 from benchmarks.verdict.cache import cached_cuts
 from benchmarks.verdict.curves import detectors
-from benchmarks.verdict.monitor import listen
+from benchmarks.verdict.monitor import listen, stale
 from benchmarks.verdict.pictures import draw_curves, draw_reliability, draw_worst
 from benchmarks.verdict.report import as_results, show
 from benchmarks.verdict.scoring import Heard
@@ -27,25 +28,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verdict", description=__doc__)
     parser.add_argument("--split", choices=("development", "report"), default="development")
     parser.add_argument("--cuts", type=int, default=420, help="how many, families in turn (default 420)")
-    parser.add_argument("--speed", choices=("known", "unknown", "both"), default="both")
+    parser.add_argument("--first", type=int, default=0, help="number of the first (default 0)")
+    told = "stale: that of another cut is told (default both, known and unknown)"
+    parser.add_argument("--speed", choices=("known", "unknown", "both", "stale"), default="both", help=told)
     parser.add_argument("--out", type=Path, help="directory for results.json and pictures")
     parser.add_argument("--cache", type=Path, help="directory to keep generated cuts in")
     chosen = parser.parse_args()
     console = Console(width=150)
-    console.print(f"Split: {chosen.split}, {chosen.cuts} cuts")
-    known = {"known": (True,), "unknown": (False,), "both": (True, False)}[chosen.speed]
-    heard: dict[str, list[Heard]] = {f"speed {'known' if k else 'unknown'}": [] for k in known}
-    made = cached_cuts(chosen.split, chosen.cuts, chosen.cache)
+    console.print(f"Split: {chosen.split}, {chosen.cuts} cuts from {chosen.first} on")
+    speeds = ("known", "unknown") if chosen.speed == "both" else (chosen.speed,)
+    heard: dict[str, list[Heard]] = {f"speed {speed}": [] for speed in speeds}
+    made = cached_cuts(chosen.split, chosen.cuts, chosen.cache, chosen.first)
     for cut in track(made, total=chosen.cuts, description="cuts", console=Console(stderr=True)):
-        for k, opinions in zip(known, heard.values(), strict=True):
-            opinions.append(Heard(cut, listen(cut, speed_known=k)))
-    found = {name: detectors(list_of, speed_known=k) for k, (name, list_of) in zip(known, heard.items(), strict=True)}
+        told_of = {"known": (cut.nominal_rpm, cut.teeth), "unknown": None, "stale": stale(cut)}
+        for speed, opinions in zip(speeds, heard.values(), strict=True):
+            opinions.append(Heard(cut, listen(cut, told_of[speed])))
+    found = {name: detectors(list_of, speed_known=name == "speed known") for name, list_of in heard.items()}
     results = {name: as_results(list_of, found[name]) for name, list_of in heard.items()}
     for name, result in results.items():
         show(console, name, result)
     if chosen.out is not None:
         chosen.out.mkdir(parents=True, exist_ok=True)
-        document = {"split": chosen.split, "cuts": chosen.cuts, "results": results}
+        document = {"split": chosen.split, "first": chosen.first, "cuts": chosen.cuts, "results": results}
         (chosen.out / "results.json").write_text(json.dumps(_finite(document), indent=1, allow_nan=False))
         for name, list_of in heard.items():
             stem = name.replace(" ", "_")

@@ -14,12 +14,12 @@ from benchmarks.verdict.cut import Cut, Stretch, Truth
 from benchmarks.verdict.generator import Split, cut
 
 
-def cached_cuts(split: Split, count: int, directory: Path | None) -> Iterator[Cut]:
+def cached_cuts(split: Split, count: int, directory: Path | None, first: int = 0) -> Iterator[Cut]:
     """Yield the cuts of `generator.cuts`, from files in `directory` where they are there already.
 
     The files know nothing of the generator's version: empty the directory when it changes.
     """
-    for number in range(count):
+    for number in range(first, first + count):
         if directory is None:
             yield cut(split, number)
             continue

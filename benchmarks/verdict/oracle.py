@@ -223,7 +223,7 @@ def main() -> None:
         if number < chosen.first:
             continue
         recipe = recipe_of(chosen.split, number)
-        heard.append(Heard(cut, listen(cut, speed_known=True)))
+        heard.append(Heard(cut, listen(cut, (cut.nominal_rpm, cut.teeth))))
         for name, score in (
             ("this monitor", heard[-1].said.score),
             ("told the mode", log_odds(cut, recipe, load_told=False)),

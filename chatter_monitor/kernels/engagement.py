@@ -98,11 +98,12 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, head, air
             air[LEVEL], air[LIMIT], air[CUT] = level, max(power_before - FALL, power + NEAR), power_before
             air[ALONE] = not fell_between
         elif air[ENTERED] >= LONGEST:
-            rose, louder = level - levels[then], power - powers[then] >= FALL
-            out = louder and power_before <= air[CUT] - FALL and rose >= FALL
+            louder = power - powers[then] >= FALL
+            rose = louder and level - levels[then] >= max(NEAR, LONE * crests[newest])
+            out = rose and power_before <= air[CUT] - FALL
             if louder and not out:
                 crest = _before(crests, head, air[ALIKE], scratch)
-                out = crest < NOISE and rose >= max(NEAR, LONE * crests[newest])
+                out = rose and crest < NOISE
                 out |= leapt and crest < FAINT and _before(repeating, head, air[ALIKE], scratch) < TEETH
     elif repeating[newest] < TEETH and _fallen(levels, head, scratch) and _fallen(wholes, head, scratch):
         out = True
