@@ -35,6 +35,8 @@ SAME_FREQUENCY = 0.05
 # many standard deviations of the speed.
 ORDER_TOLERANCE_HZ = 6.0
 SPEED_DEVIATIONS = 2.33
+# The speed is an average, the frequency of a line that of now: a spindle wanders by so much in between (relatively).
+WANDER = 0.002
 # Orders that any frequency is this likely to be near are not told apart.
 TELLING = 0.8
 # Lines nearer to each other are one line to the short-time spectrum, somewhere between them.
@@ -134,7 +136,7 @@ def place(hertz, speed, spacing):
     spacing_hz = rotation_hz * spacing
     if given and spacing_hz < RESOLUTION_HZ:
         return 1.0, 1.0
-    tolerance_hz = max(ORDER_TOLERANCE_HZ, SPEED_DEVIATIONS * deviation * hertz)
+    tolerance_hz = max(ORDER_TOLERANCE_HZ, SPEED_DEVIATIONS * max(deviation, WANDER) * hertz)
     order = round(hertz / spacing_hz)
     near = order >= 1 and abs(hertz - order * spacing_hz) < tolerance_hz
     return 1.0 if near else 0.0, min(2.0 * tolerance_hz / spacing_hz, 1.0)
