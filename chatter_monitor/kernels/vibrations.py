@@ -115,12 +115,16 @@ class Odds(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """What the following goes by: at which probability an alarm begins and ends, and the constants."""
+    """What the following goes by: at which probability an alarm begins and ends, and the constants.
+
+    And whether a speed is known that is not heard now: the spindle may turn at another, if something has glided.
+    """
 
     alarm_probability: float
     calm_probability: float
     chain: Chain = Chain()
     odds: Odds = Odds()
+    unheard: bool = False
 
 
 @njit(**OPTIONS)
@@ -148,7 +152,7 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
     """
     _share_out(vibrations, known, lines, taken)
     if _chattered_just_now(vibrations, known):
-        rules = Rules(rules.calm_probability, rules.calm_probability, rules.chain, rules.odds)
+        rules = Rules(rules.calm_probability, rules.calm_probability, rules.chain, rules.odds, rules.unheard)
     count = 0
     for i in range(known):
         vibration = work[count]
@@ -270,7 +274,7 @@ def _heard(vibration, line, overtone, rules, weights):
     """An interval in which this line of a vibration was heard, which may be an overtone of another."""
     vibration.missed = 0
     vibration.frequency_hz = line.frequency_hz
-    _glide(vibration)
+    _glide(vibration, rules.unheard)
     vibration.order_odds += AVERAGING * (line.order_odds - vibration.order_odds)
     # Where the speed wanders, a forced line is off the orders for a moment; one with sidebands is so for certain.
     if vibration.order_odds < SURELY_OFF and not line.carrier:
@@ -306,8 +310,11 @@ def _news(vibration, line, seen, rules):
 
 
 @njit(**OPTIONS)
-def _glide(vibration):
-    """Follow its frequency, and tell whether that glides: an alpha-beta filter of its logarithm."""
+def _glide(vibration, unheard):
+    """Follow its frequency, and tell whether that glides: an alpha-beta filter of its logarithm.
+
+    That is remembered for a while, or until the spindle is heard again, if it is not.
+    """
     miss = math.log(vibration.frequency_hz) - vibration.place - vibration.glide
     vibration.heard += 1
     gain = max(FREQUENCY_GAIN, 1.0 / vibration.heard)
@@ -316,7 +323,10 @@ def _glide(vibration):
     vibration.jitter += gain * (miss**2 - vibration.jitter)
     glides = abs(vibration.glide) > max(LEAST_GLIDE, SIGNIFICANT_GLIDE * math.sqrt(vibration.jitter))
     vibration.gliding = vibration.gliding + 1 if glides else 0
-    vibration.glided = GLIDED if vibration.gliding >= GLIDING else max(vibration.glided - 1, 0)
+    if vibration.gliding >= GLIDING:
+        vibration.glided = GLIDED
+    elif vibration.glided > 0 and not unheard:
+        vibration.glided -= 1
 
 
 @njit(**OPTIONS)

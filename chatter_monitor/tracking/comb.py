@@ -246,10 +246,16 @@ def speaks_against(rival: Comb, comb: Comb | None, lines: Lines, told: Target) -
     return find_comb(lines.without(lines.on(rival.fundamental_hz)), told) is None
 
 
-def speaks_for(comb: Comb, rival: Comb | None, told: Target) -> bool:
-    """Whether a comb at a speed that was told, and doubted since, is that of that spindle after all."""
-    behind = rival is not None and not told.may_be(rival.fundamental_hz) and comb.evidence < rival.evidence
-    return comb.evidence > ENOUGH and not behind
+def speaks_for(comb: Comb, rival: Comb | None, lines: Lines, told: Target) -> bool:
+    """Whether a comb at a speed that was told, and doubted since, is that of that spindle after all.
+
+    There is as much evidence for it as if no speed had been told; or, where there is more for another comb, without the
+    lines of that.
+    """
+    if rival is None or told.may_be(rival.fundamental_hz) or comb.evidence >= rival.evidence:
+        return comb.evidence > ENOUGH
+    beside = find_comb(lines.without(lines.on(rival.fundamental_hz)), told)
+    return beside is not None and beside.evidence > ENOUGH
 
 
 def _is_mains(fundamental_hz: float) -> bool:

@@ -18,8 +18,6 @@ from chatter_monitor.tracking.turns import TURNS, Piecemeal, in_turn
 # Doubt about a speed that was averaged over the search window: it wanders.
 START_SD = 0.002
 CHECK_FRAMES = 5  # from one look at whether it still is a comb to the next
-# A speed that was heard so lately is not doubted: other combs that come within a cut are more likely those of chatter.
-LATELY_S = 10.0
 CATCH_UP_FRAMES = 16  # of the past that a new comb is followed through while one comes in
 
 
@@ -80,8 +78,6 @@ class CombFollower:
         self._search: Piecemeal[tuple[Harmonics, Target] | None] | None = None
         self._spectra: dict[int, Spectrum] = {}
         self._patience = lost_s * sample_rate_hz / frame
-        self._lately = LATELY_S * sample_rate_hz / frame
-        self._since_told = math.inf  # frames since the comb of the target was followed
         self._doubtful_frames = 0
 
     def aim(self, target: Target) -> None:
@@ -129,9 +125,7 @@ class CombFollower:
             Whether a new comb was found.
         """
         self.frames += 1
-        self._since_told += 1
         if self.harmonics is not None:
-            self._since_told = self._since_told if self.doubts else 0
             self.harmonics.learn()
             self._check(self.harmonics, sidebands)
         if copy_present(samples, math.inf, self._past[self.frames % len(self._past)]) == len(samples):
@@ -139,7 +133,8 @@ class CombFollower:
         else:
             self.forget()
         self._rest -= 1
-        if self.harmonics is None and self._rest <= 0 and self._search is None:
+        looks = self.harmonics is None or self.doubts  # what was told may be heard again beside what is followed
+        if looks and self._rest <= 0 and self._search is None:
             self._search = self._begin(taken_hz)
         return self._search is not None and self._go_on(self._search)
 
@@ -151,7 +146,7 @@ class CombFollower:
         lengths = [frames for frames in wanted if frames <= self._heard]
         if not lengths:
             return None
-        self._rest = 0 if self._known else self._window // 2
+        self._rest = 0 if self._known and self.harmonics is None else self._window // 2
         return self._look(lengths, taken_hz)
 
     def _go_on(self, search: Piecemeal[tuple[Harmonics, Target] | None]) -> bool:
@@ -236,11 +231,12 @@ class CombFollower:
             comb = self._any_comb(lines, last, self._target)
             return None if comb is None else Candidate(comb, self._target)
         comb = find_comb(lines, self._target)
-        rival = self._any_comb(lines, last, self._anything) if self._since_told > self._lately else None
+        rival = self._any_comb(lines, last, self._anything)
         if rival is not None and speaks_against(rival, comb, lines, self._target):
             # half a window is enough to doubt what was told, but not to believe anything else
-            return Candidate(rival, self._anything) if frames == self._window else None
-        if comb is None or (self.doubts and not speaks_for(comb, rival, self._target)):
+            new = frames == self._window and self.harmonics is None
+            return Candidate(rival, self._anything) if new else None
+        if comb is None or (self.doubts and not speaks_for(comb, rival, lines, self._target)):
             return None
         return Candidate(comb, self._target)
 

@@ -80,7 +80,8 @@ class Judge:
 
     def _follow(self, memory: Memory, evidence: Evidence) -> Memory:
         """Follow what an interval shows."""
-        rules = Rules(self._settings.alarm_probability, self._settings.calm_probability)
+        unheard = evidence.orders.source in ("given", "refined") and not evidence.orders.heard
+        rules = Rules(self._settings.alarm_probability, self._settings.calm_probability, unheard=unheard)
         told = self._following.follow(evidence, rules)
         synchronous = evidence.orders.synchronous_share
         steady = memory.steady + AVERAGING * (steady_share(synchronous, told) - memory.steady)
@@ -104,6 +105,8 @@ class Judge:
         self, view: Opinion, evidence: Evidence, first_sample: int, samples: int, sample_rate_hz: float
     ) -> Verdict:
         frequency_hz, mode = _meant(view, evidence)
+        # while nothing is cut what turns may be another machine
+        doubted = evidence.orders.doubted and view.state != "idle"
         half = 1.96 * mode.damping_sd if mode is not None else 0.0
         meant = mode if view.vibration is None else view.vibration
         damping_ratio = None if meant is None else meant.damping_ratio
@@ -120,7 +123,7 @@ class Judge:
             order=None if frequency_hz is None else spindle_order(frequency_hz, evidence.orders),
             confidence=round(view.confidence, 4),
             margin_percent=None if view.state in WITHOUT_MARGIN else evidence.margin.margin_percent,
-            reasons=[*view.reasons, reasons.DOUBTED] if evidence.orders.doubted else list(view.reasons),
+            reasons=[*view.reasons, reasons.DOUBTED] if doubted else list(view.reasons),
             flags=evidence.flags.names(),
         )
 

@@ -152,10 +152,12 @@ def test_what_speaks_against_a_speed_that_was_told(heard, against):
 
 
 def test_what_speaks_for_a_speed_that_was_doubted():
-    """Evidence that would be enough if it had not been told, and more than for another speed."""
+    """Evidence that would be enough if it had not been told, and more than for another speed, or beside that."""
     told = Target(45.0, 47.0, 2)
     few, many, other = (Comb(hertz, 0.01, e) for hertz, e in ((46.0, ENOUGH - 1), (46.0, 20.0), (31.0, 25.0)))
-    assert not speaks_for(few, None, told)
-    assert speaks_for(many, None, told)
-    assert not speaks_for(many, other, told)
-    assert speaks_for(many, Comb(92.0, 0.01, 25.0), told)  # its teeth
+    alone = lines(31.0 * np.arange(1, 7))
+    assert not speaks_for(few, None, alone, told)
+    assert speaks_for(many, None, alone, told)
+    assert not speaks_for(many, other, alone, told)
+    assert speaks_for(many, other, lines(31.0 * np.arange(1, 7), 46.0 * np.arange(1, 7)), told)
+    assert speaks_for(many, Comb(92.0, 0.01, 25.0), alone, told)  # its teeth
