@@ -239,7 +239,7 @@ def speaks_against(rival: Comb, comb: Comb | None, lines: Lines, told: Target) -
     (`comb`), by as much as a comb needs, and without its lines nothing is found there: another machine's comb leaves
     the spindle's.
     """
-    if told.may_be(rival.fundamental_hz) or _is_mains(rival.fundamental_hz):
+    if told.may_be(rival.fundamental_hz) or is_mains(rival.fundamental_hz):
         return False
     if comb is not None and rival.evidence < comb.evidence + ENOUGH:
         return False
@@ -258,7 +258,8 @@ def speaks_for(comb: Comb, rival: Comb | None, lines: Lines, told: Target) -> bo
     return beside is not None and beside.evidence > ENOUGH
 
 
-def _is_mains(fundamental_hz: float) -> bool:
+def is_mains(fundamental_hz: float) -> bool:
+    """Whether a comb of this fundamental is that of the mains, as far as can be told."""
     return any(abs(fundamental_hz / (n * mains) - 1.0) < MAINS_KEEP for mains in MAINS_HZ for n in (0.5, 1, 2))
 
 

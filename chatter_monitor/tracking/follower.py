@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels.conditioning import copy_present
-from chatter_monitor.tracking.comb import Comb, Lines, Spectrum, Target, find_comb, speaks_against, speaks_for
+from chatter_monitor.tracking.comb import Comb, Lines, Spectrum, Target, find_comb, is_mains, speaks_against, speaks_for
 from chatter_monitor.tracking.harmonics import Harmonics
 from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands
 from chatter_monitor.tracking.turns import TURNS, Piecemeal, in_turn
@@ -105,7 +105,12 @@ class CombFollower:
             self.harmonics.subtract(samples, out)
 
     def end_frame(
-        self, samples: NDArray[np.float64], taken_hz: float | None = None, sidebands: Sidebands | None = None
+        self,
+        samples: NDArray[np.float64],
+        taken_hz: float | None = None,
+        sidebands: Sidebands | None = None,
+        *,
+        mains_only: bool = False,
     ) -> bool:
         """Learn from a full frame of samples, and look for a comb when it is time.
 
@@ -118,6 +123,8 @@ class CombFollower:
         sidebands : Sidebands, optional
             Of a vibration in it that is no comb's, whose sidebands tell it: that of a known speed apart, a comb that
             has it among its lines is given up.
+        mains_only : bool
+            Whether no comb counts now but that of the mains.
 
         Returns
         -------
@@ -135,10 +142,10 @@ class CombFollower:
         self._rest -= 1
         looks = self.harmonics is None or self.doubts  # what was told may be heard again beside what is followed
         if looks and self._rest <= 0 and self._search is None:
-            self._search = self._begin(taken_hz)
+            self._search = self._begin(taken_hz, mains_only=mains_only)
         return self._search is not None and self._go_on(self._search)
 
-    def _begin(self, taken_hz: float | None) -> Piecemeal[tuple[Harmonics, Target] | None] | None:
+    def _begin(self, taken_hz: float | None, *, mains_only: bool) -> Piecemeal[tuple[Harmonics, Target] | None] | None:
         """Begin a search, if enough has been heard."""
         # A range that is narrow needs less to be sure. A speed that wanders blurs a line the more the longer one looks,
         # and is steady enough at one time or another.
@@ -147,7 +154,7 @@ class CombFollower:
         if not lengths:
             return None
         self._rest = 0 if self._known and self.harmonics is None else self._window // 2
-        return self._look(lengths, taken_hz)
+        return self._look(lengths, taken_hz, mains_only=mains_only)
 
     def _go_on(self, search: Piecemeal[tuple[Harmonics, Target] | None]) -> bool:
         """Do a frame's part of a search; tell whether it has found a comb."""
@@ -205,13 +212,15 @@ class CombFollower:
     def _latest(self, frames: int) -> NDArray[np.float64]:
         return self._past[np.arange(self.frames - frames + 1, self.frames + 1) % len(self._past)]
 
-    def _look(self, lengths: list[int], taken_hz: float | None) -> Piecemeal[tuple[Harmonics, Target] | None]:
+    def _look(
+        self, lengths: list[int], taken_hz: float | None, *, mains_only: bool
+    ) -> Piecemeal[tuple[Harmonics, Target] | None]:
         """Look for a comb in so many of the last frames, and follow it from there to now."""
         for frames in lengths:
             begun = self.frames
             search = partial(self._candidate, frames, begun, taken_hz)
             found = (yield from in_turn(self._turn, search)) if self._known else search()
-            if found is not None:
+            if found is not None and (is_mains(found.comb.fundamental_hz) or not mains_only):
                 harmonics = yield from self._follow(found, frames, self.frames - begun)
                 if harmonics is not None:
                     return harmonics, found.target

@@ -233,11 +233,12 @@ class OrderTracker:
         first, second = self._followers
         found = first.end_frame(self._signals[0], sidebands=self._sidebands)
         # With a comb that the first one takes from now on, the past is no guide to what is left; and where the spindle
-        # itself is not heard, lines that are evenly spaced are more likely a self-excited vibration's.
-        if found or first.harmonics is None:
+        # itself is not heard, lines that are evenly spaced are more likely a self-excited vibration's, or the mains'.
+        unheard = first.harmonics is None
+        if found or (unheard and self._spindle.speed_rpm is None):
             second.forget()
         taken_hz = None if first.harmonics is None else first.harmonics.rotation_hz
-        second.end_frame(self._signals[1], taken_hz, self._sidebands)
+        second.end_frame(self._signals[1], taken_hz, self._sidebands, mains_only=unheard)
         self._look_for_sidebands()
 
     def _look_for_sidebands(self) -> None:

@@ -262,6 +262,16 @@ def test_a_second_comb_is_taken_out_too():
     assert power(residual, 7) < 0.02
 
 
+@pytest.mark.parametrize("mains_hz", [50.04, 59.97])
+def test_the_mains_are_taken_out_though_the_spindle_is_not_heard(mains_hz):
+    """They go on as the machine does, and are no doubt of its speed."""
+    hum = comb(6, mains_hz, {1: 1.0, 2: 0.3, 3: 0.6, 5: 0.4, 7: 0.2}) + noise(6)
+    residual, frames = take_out(hum, GIVEN)
+    assert power(residual, 4.0) < 0.02 * power(hum, 4.0)
+    assert (frames[-1].source, frames[-1].doubted) == ("given", False)
+    assert frames[-1].other_hz == pytest.approx(mains_hz, abs=0.03)
+
+
 def test_missing_samples_freeze_it():
     """After 0.3 s of missing samples, skipped or not finite, the comb is taken out from the next sample on."""
     samples = comb(6, TURNS_HZ, MILLING) + noise(6)
