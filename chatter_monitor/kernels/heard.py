@@ -34,6 +34,8 @@ SAME_FREQUENCY = 0.05
 # How near to an order a line has to be: the frequency of a line 40 Hz wide is known to some Hz, and the order to so
 # many standard deviations of the speed.
 ORDER_TOLERANCE_HZ = 6.0
+# The frequency of a line that is as coherent as this is known better.
+CLEAR_COHERENCE, CLEAR_TOLERANCE_HZ = 0.9, 3.0
 SPEED_DEVIATIONS = 2.33
 # The speed is an average, the frequency of a line that of now: a spindle wanders by so much in between (relatively).
 WANDER = 0.002
@@ -99,8 +101,9 @@ def weigh(columns, status, hold, shares, lines, lowest_hz, speed, teeth, values,
         line[DAMPING_RATIO] = (
             coherence_damping(line[COHERENCE], hertz) if mode == NO_MODE else modes[mode, MODE_DAMPING]
         )
-        line[NEAR_TEETH], line[TEETH_BY_CHANCE] = place(hertz, speed, teeth)
-        line[NEAR], line[BY_CHANCE] = place(hertz, speed, 1)
+        tolerance_hz = CLEAR_TOLERANCE_HZ if line[COHERENCE] >= CLEAR_COHERENCE else ORDER_TOLERANCE_HZ
+        line[NEAR_TEETH], line[TEETH_BY_CHANCE] = place(hertz, speed, teeth, tolerance_hz)
+        line[NEAR], line[BY_CHANCE] = place(hertz, speed, 1, tolerance_hz)
         if not line[BY_CHANCE] < TELLING:
             line[NEAR], line[BY_CHANCE] = line[NEAR_TEETH], line[TEETH_BY_CHANCE]
         if not line[BY_CHANCE] < TELLING:
@@ -123,12 +126,12 @@ def _mode_at(hertz, modes):
 
 
 @njit(**OPTIONS)
-def place(hertz, speed, spacing):
+def place(hertz, speed, spacing, tolerance_hz):
     """Whether a frequency cannot be told from a multiple of so many times the rotation, and how likely any cannot.
 
-    ``speed`` is the rotation in Hz, NaN where it is unknown, its standard deviation over it, and whether that is the
-    given speed as it came: as long as the spindle is not heard its lines are still in the signal; those that are not
-    resolved may be anywhere.
+    ``tolerance_hz`` is how exactly it is known. ``speed`` is the rotation in Hz, NaN where it is unknown, its standard
+    deviation over it, and whether that is the given speed as it came: as long as the spindle is not heard its lines are
+    still in the signal; those that are not resolved may be anywhere.
     """
     rotation_hz, deviation, given = speed
     if math.isnan(rotation_hz):
@@ -136,7 +139,7 @@ def place(hertz, speed, spacing):
     spacing_hz = rotation_hz * spacing
     if given and spacing_hz < RESOLUTION_HZ:
         return 1.0, 1.0
-    tolerance_hz = max(ORDER_TOLERANCE_HZ, SPEED_DEVIATIONS * max(deviation, WANDER) * hertz)
+    tolerance_hz = max(tolerance_hz, SPEED_DEVIATIONS * max(deviation, WANDER) * hertz)
     order = round(hertz / spacing_hz)
     near = order >= 1 and abs(hertz - order * spacing_hz) < tolerance_hz
     return 1.0 if near else 0.0, min(2.0 * tolerance_hz / spacing_hz, 1.0)

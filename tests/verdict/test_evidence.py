@@ -40,8 +40,8 @@ def frame(*, damping=(0.02, 0.001), share=(0.5, 0.5), status=None, flags=Flag.NO
     return OdpFrame(0, 0, 12_800.0, *columns, status, np.array(share), rms=rms, flags=flags, hold=np.ones(2, int))
 
 
-def line(frequency_hz, share=0.5):
-    return Line(frequency_hz, share, 20.0, 0.3, 0.0, 0.0, 0.0, 15.0, 0.9)
+def line(frequency_hz, share=0.5, coherence=0.8):
+    return Line(frequency_hz, share, 20.0, 0.3, 0.0, 0.0, 0.0, 15.0, coherence)
 
 
 def orders_of(rotation_hz=None, source=None, share=0.0):
@@ -140,7 +140,7 @@ def test_a_line_below_the_band_is_left_out():
 def test_by_chance_is_the_share_of_frequencies_on_an_order(rotation_hz):
     """Of frequencies drawn anywhere, as many are on an order as the probability says."""
     frequencies = np.random.default_rng(5).uniform(1000.0, 1000.0 + 20.0 * rotation_hz, 4000)
-    places = [place(f, speed(orders_of(rotation_hz, "found")), 1) for f in frequencies]
+    places = [place(f, speed(orders_of(rotation_hz, "found")), 1, ORDER_TOLERANCE_HZ) for f in frequencies]
     assert np.mean(places, axis=0)[0] == pytest.approx(np.mean(places, axis=0)[1], abs=0.03)
 
 
@@ -169,6 +169,15 @@ def test_on_an_order_where_orders_can_be_told_apart(frequency_hz, rotation_hz, t
     spindle = SpindleSettings(teeth=teeth)
     (vibration,) = weigh(frame(), orders_of(rotation_hz, source), [line(frequency_hz)], spindle).vibrations
     assert vibration.on_order is on_order
+
+
+@pytest.mark.parametrize(("off_hz", "on_order"), [(2.5, (True, True)), (4.0, (True, False)), (7.0, (False, False))])
+def test_where_a_coherent_line_is_is_known_better(off_hz, on_order):
+    """By half, so that what is told from an order, and an order from chance, is told sooner."""
+    for coherence, on in zip((0.8, 0.95), on_order, strict=True):
+        lines = [line(300.0 + off_hz, coherence=coherence)]
+        (vibration,) = weigh(frame(), orders_of(100.0, "refined"), lines, SpindleSettings(teeth=3)).vibrations
+        assert vibration.on_order is on
 
 
 @pytest.mark.parametrize(

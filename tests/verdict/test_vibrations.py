@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from chatter_monitor.kernels.heard import place
+from chatter_monitor.kernels.heard import ORDER_TOLERANCE_HZ, place
 from chatter_monitor.kernels.kinds import LINE
 from chatter_monitor.kernels.vibrations import (
     FORGOTTEN,
@@ -201,7 +201,7 @@ def at_its_place(vibration, rotation_hz):
     """A vibration with its place among the orders of this rotation."""
     if rotation_hz is None:
         return vibration
-    found = Place(*place(vibration.line.frequency_hz, (rotation_hz, 1e-4, False), 1))
+    found = Place(*place(vibration.line.frequency_hz, (rotation_hz, 1e-4, False), 1, ORDER_TOLERANCE_HZ))
     return vibration._replace(place=found, teeth=found)
 
 
