@@ -15,6 +15,7 @@ from rich.text import Text
 from chatter_monitor.outlets.look import SEVERITY, STATES
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Announcement, Event, Health, Mismatch, Odp, OdpFrame, State, Verdict
+from chatter_monitor.verdict.reasons import DOUBTED
 
 # Shorter stretches are shown with the one before: a table that a person reads has few rows. Alarms are never hidden,
 # nor is loss, which must not read as whatever surrounds it.
@@ -81,6 +82,7 @@ class Timeline(Outlet):
     def __init__(self, channels: int) -> None:
         self._stretches: list[list[Stretch]] = [[] for _ in range(channels)]
         self._seconds: list[dict[str, float]] = [{} for _ in range(channels)]
+        self._doubted_s = [0.0] * channels
         self.events: list[Event] = []
         self._health: Health | None = None
         self.mismatches: list[Mismatch] = []
@@ -106,6 +108,8 @@ class Timeline(Outlet):
     def _add(self, verdict: Verdict) -> None:
         seconds = self._seconds[verdict.channel]
         seconds[verdict.state] = seconds.get(verdict.state, 0.0) + verdict.t1 - verdict.t0
+        if DOUBTED in verdict.reasons:
+            self._doubted_s[verdict.channel] += verdict.t1 - verdict.t0
         stretches = self._stretches[verdict.channel]
         if not stretches or stretches[-1].state != verdict.state:
             stretches.append(Stretch(verdict.state, verdict.t0, verdict.t0))
@@ -166,6 +170,8 @@ class Timeline(Outlet):
             for mismatch in self.mismatches:
                 if mismatch.channel == channel:
                     console.print(f"  At {mismatch.t:.1f} s: {mismatch.summary}", highlight=False, soft_wrap=True)
+            if self._doubted_s[channel]:
+                console.print(f"  For {self._doubted_s[channel]:.1f} s {DOUBTED}.", style="magenta", highlight=False)
             totals = ", ".join(f"{STATES[s].word} {t:.1f} s" for s, t in sorted(summary.seconds_in[channel].items()))  # type: ignore[index]
             console.print(f"  {summary.duration_s:.1f} s in all: {totals}.", highlight=False, soft_wrap=True)
         for count, what in (

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from chatter_monitor.outlets.look import SEVERITY, STATES
 from chatter_monitor.outlets.timeline import STRIP_CELLS, Timeline
+from chatter_monitor.verdict.reasons import DOUBTED
 from tests.messages import event, health, verdict
 
 INTERVAL_S = 0.05
@@ -155,6 +156,16 @@ def test_what_a_machinist_reads():
         "  4 samples are clipped: turn the sensor's gain down.",
         "  5 samples are not numbers.",
     ]
+
+
+def test_a_speed_that_is_not_believed_is_told_of():
+    """In the channel that hears it, with how long."""
+    timeline = Timeline(2)
+    for channel in (0, 1):
+        fill(timeline, "-" * 20, channel)
+    for i in range(20, 25):
+        timeline.message(verdict(i, "stable", 1, reasons=["no mode stands out", DOUBTED]))
+    assert [line for line in shown(timeline) if "speed" in line] == [f"  For 0.2 s {DOUBTED}."]
 
 
 def test_nothing_heard():
