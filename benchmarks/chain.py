@@ -111,10 +111,10 @@ def by_stage(watch: Stopwatch, samples: Samples, spindle: SpindleSettings) -> li
     spectrum = Spectrum(RATE_HZ, round(INTERVAL_S * RATE_HZ))
     lines = watch.time("lines", lambda: [lines_of(spectrum, f, o) for f, o in zip(frames, turned, strict=True)])
     margins = MarginTracker(MarginSettings(), RATE_HZ, spindle.teeth)
-    known = spindle.speed_rpm is not None
 
     def margin_of(frame: Samples, seen: Orders) -> list[object]:
-        return [*margins.process(frame, seen.rotation_hz if known else None, seen.rotation_sd_hz if known else None)]
+        turns = (None, None) if seen.source == "found" else (seen.rotation_hz, seen.rotation_sd_hz)
+        return [*margins.process(frame, *turns)]
 
     found = watch.time("margin", lambda: [margin_of(f.signal, o) for f, o in zip(frames, turned, strict=True)])
     seen = [
