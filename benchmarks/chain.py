@@ -113,8 +113,7 @@ def by_stage(watch: Stopwatch, samples: Samples, spindle: SpindleSettings) -> li
     margins = MarginTracker(MarginSettings(), RATE_HZ, spindle.teeth)
 
     def margin_of(frame: Samples, seen: Orders) -> list[object]:
-        turns = (None, None) if seen.source == "found" else (seen.rotation_hz, seen.rotation_sd_hz)
-        return [*margins.process(frame, *turns)]
+        return [*margins.process(frame, *seen.spindle)]
 
     found = watch.time("margin", lambda: [margin_of(f.signal, o) for f, o in zip(frames, turned, strict=True)])
     seen = [

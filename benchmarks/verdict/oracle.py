@@ -218,10 +218,8 @@ def main() -> None:
     chosen = parser.parse_args()
     heard: list[Heard] = []
     scores: dict[str, list[Floats]] = {}
-    made = enumerate(cached_cuts(chosen.split, chosen.first + chosen.cuts, chosen.cache))
-    for number, cut in track(made, total=chosen.first + chosen.cuts, console=Console(stderr=True)):
-        if number < chosen.first:
-            continue
+    made = enumerate(cached_cuts(chosen.split, chosen.cuts, chosen.cache, chosen.first), start=chosen.first)
+    for number, cut in track(made, total=chosen.cuts, console=Console(stderr=True)):
         recipe = recipe_of(chosen.split, number)
         heard.append(Heard(cut, listen(cut, (cut.nominal_rpm, cut.teeth))))
         for name, score in (

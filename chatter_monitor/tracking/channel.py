@@ -135,8 +135,7 @@ class Channel:
 
     def _margin_of(self, frame: OdpFrame, orders: Orders) -> Margin:
         """Margin at the end of a frame; the delay is known only with the spindle, not with any comb."""
-        turns = (None, None) if orders.source == "found" else (orders.rotation_hz, orders.rotation_sd_hz)
-        for margin in self._margin.process(frame.signal, *turns):
+        for margin in self._margin.process(frame.signal, *orders.spindle):
             self._last_margin = margin
         return self._last_margin
 

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels.conditioning import copy_present
+from chatter_monitor.kernels.heard import WANDER
 from chatter_monitor.tracking.comb import Comb, Lines, Spectrum, Target, find_comb, is_mains, speaks_against, speaks_for
 from chatter_monitor.tracking.harmonics import Harmonics
 from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands
 from chatter_monitor.tracking.turns import TURNS, Piecemeal, in_turn
 
-# Doubt about a speed that was averaged over the search window: it wanders.
-START_SD = 0.002
 CHECK_FRAMES = 5  # from one look at whether it still is a comb to the next
 CATCH_UP_FRAMES = 16  # of the past that a new comb is followed through while one comes in
 
@@ -26,6 +25,10 @@ class Candidate(NamedTuple):
 
     comb: Comb
     target: Target
+
+
+# Goes on frame by frame, to harmonics that stand, and what they were found as.
+Search = Piecemeal[tuple[Harmonics, Target] | None]
 
 
 class CombFollower:
@@ -75,7 +78,7 @@ class CombFollower:
         self._past = np.zeros((self._window + TURNS, frame))
         self._heard = 0  # frames of the past that can be looked through
         self._rest = 0  # frames until the next search
-        self._search: Piecemeal[tuple[Harmonics, Target] | None] | None = None
+        self._search: Search | None = None
         self._spectra: dict[int, Spectrum] = {}
         self._patience = lost_s * sample_rate_hz / frame
         self._doubtful_frames = 0
@@ -145,7 +148,7 @@ class CombFollower:
             self._search = self._begin(taken_hz, mains_only=mains_only)
         return self._search is not None and self._go_on(self._search)
 
-    def _begin(self, taken_hz: float | None, *, mains_only: bool) -> Piecemeal[tuple[Harmonics, Target] | None] | None:
+    def _begin(self, taken_hz: float | None, *, mains_only: bool) -> Search | None:
         """Begin a search, if enough has been heard."""
         # A range that is narrow needs less to be sure. A speed that wanders blurs a line the more the longer one looks,
         # and is steady enough at one time or another.
@@ -156,7 +159,7 @@ class CombFollower:
         self._rest = 0 if self._known and self.harmonics is None else self._window // 2
         return self._look(lengths, taken_hz, mains_only=mains_only)
 
-    def _go_on(self, search: Piecemeal[tuple[Harmonics, Target] | None]) -> bool:
+    def _go_on(self, search: Search) -> bool:
         """Do a frame's part of a search; tell whether it has found a comb."""
         try:
             next(search)
@@ -212,9 +215,7 @@ class CombFollower:
     def _latest(self, frames: int) -> NDArray[np.float64]:
         return self._past[np.arange(self.frames - frames + 1, self.frames + 1) % len(self._past)]
 
-    def _look(
-        self, lengths: list[int], taken_hz: float | None, *, mains_only: bool
-    ) -> Piecemeal[tuple[Harmonics, Target] | None]:
+    def _look(self, lengths: list[int], taken_hz: float | None, *, mains_only: bool) -> Search:
         """Look for a comb in so many of the last frames, and follow it from there to now."""
         for frames in lengths:
             begun = self.frames
@@ -262,7 +263,7 @@ class CombFollower:
     def _follow(self, found: Candidate, frames: int, ago: int) -> Piecemeal[Harmonics | None]:
         """Follow a comb through the frames in which it was found, so many frames ago, and on to now."""
         comb, target = found
-        sd_hz = max(comb.fundamental_sd_hz, START_SD * comb.fundamental_hz)
+        sd_hz = max(comb.fundamental_sd_hz, WANDER * comb.fundamental_hz)
         harmonics = Harmonics(
             comb.fundamental_hz, sd_hz, self._rate_hz, memory_s=self._memory_s, lowest_hz=self._lowest_hz
         )

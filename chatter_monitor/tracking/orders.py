@@ -138,6 +138,11 @@ class Orders(NamedTuple):
     doubted: bool = False
 
     @property
+    def spindle(self) -> tuple[float | None, float | None]:
+        """Rotation of a spindle of told speed and its standard deviation (Hz); of a comb that was found, nothing."""
+        return (None, None) if self.source == "found" else (self.rotation_hz, self.rotation_sd_hz)
+
+    @property
     def heard(self) -> bool:
         """Whether something turns that can be heard."""
         return self.synchronous_share > HEARD_SHARE

@@ -11,7 +11,7 @@ from chatter_monitor.verdict.advice import advise
 from chatter_monitor.verdict.opinion import SAME_VIBRATION
 from chatter_monitor.verdict.reasons import DOUBTED
 
-# Neither is what it was, most likely, so no other speed can be advised.
+# Advice rests on the speed and the teeth, and neither is what was told, most likely.
 TELL_THE_SPEED = Recommendation((), f"tell the spindle's speed and teeth: {DOUBTED}")
 
 

@@ -80,7 +80,7 @@ class Judge:
 
     def _follow(self, memory: Memory, evidence: Evidence) -> Memory:
         """Follow what an interval shows."""
-        unheard = evidence.orders.source in ("given", "refined") and not evidence.orders.heard
+        unheard = evidence.orders.spindle[0] is not None and not evidence.orders.heard
         rules = Rules(self._settings.alarm_probability, self._settings.calm_probability, unheard=unheard)
         told = self._following.follow(evidence, rules)
         synchronous = evidence.orders.synchronous_share

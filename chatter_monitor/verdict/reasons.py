@@ -9,7 +9,7 @@ from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.evidence import ModeEvidence
 from chatter_monitor.verdict.vibrations import Followed
 
-# Whatever is cut.
+# Said of every interval in which something is cut.
 DOUBTED = "what turns is not at the spindle speed that was told"
 
 

@@ -71,6 +71,14 @@ def test_what_rises_from_the_air_is_a_tool_that_enters(rise):
     assert all(after[4:])
 
 
+@pytest.mark.parametrize(("rise", "enters"), [(2.0, False), (6.0, True)])
+def test_what_was_far_fainter_than_a_cut_is_entered_when_the_noise_rises(rise, enters):
+    """A room that has got louder is taken for a cut; what comes at once then, the noise with it, is the tool."""
+    louder = 40, AIR + 10.0, CUT + LOUD - 12.0, STANDS_OUT
+    after = told(cut(60), room(60), louder, (20, AIR + 10.0 + rise, CUT + LOUD, STANDS_OUT), columns=240)[160:]
+    assert (not all(after)) is enters
+
+
 def test_a_tool_that_enters_slowly_is_in_the_cut_when_the_level_stays():
     """As long as it gets louder it enters, but not longer than a second."""
     slowly = [cut(1, AIR + step) for step in range(5, 21)]

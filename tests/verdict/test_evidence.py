@@ -171,6 +171,14 @@ def test_on_an_order_where_orders_can_be_told_apart(frequency_hz, rotation_hz, t
     assert vibration.on_order is on_order
 
 
+def test_who_turns_at_another_speed_may_have_other_teeth():
+    """Of a speed that is doubted every order is one of the teeth as far as anybody knows."""
+    for doubted, at_teeth in ((False, False), (True, True)):
+        turns = orders_of(27.6, "found")._replace(doubted=doubted)
+        (vibration,) = weigh(frame(), turns, [line(27.6 * 35)], SpindleSettings(teeth=6)).vibrations
+        assert vibration.teeth.near is at_teeth
+
+
 @pytest.mark.parametrize(("off_hz", "on_order"), [(2.5, (True, True)), (4.0, (True, False)), (7.0, (False, False))])
 def test_where_a_coherent_line_is_is_known_better(off_hz, on_order):
     """By half, so that what is told from an order, and an order from chance, is told sooner."""

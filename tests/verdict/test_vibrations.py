@@ -73,11 +73,11 @@ def shift(seed, intervals):
         yield np.array(rows, LINE)
 
 
-def followed(before, lines):
+def followed(before, lines, rules=RULES):
     room = len(before) + len(lines)
     vibrations, work = np.zeros((2, room), VIBRATION)
     vibrations[: len(before)] = before
-    return vibrations[: follow_all(vibrations, len(before), lines, RULES, WEIGHTS, np.empty(room, bool), work)]
+    return vibrations[: follow_all(vibrations, len(before), lines, rules, WEIGHTS, np.empty(room, bool), work)]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -142,6 +142,15 @@ def test_after_a_silence_the_same_vibration_is_nearer(hertz, missed, away, same)
     known["frequency_hz"], known["chattered"], known["noise"], known["missed"] = hertz, True, 1.0, missed
     line = lines_of(interval(hertz * np.exp(away)), Odds())
     assert len(followed(known, line)) == (1 if same else 2)
+
+
+@pytest.mark.parametrize(("unheard", "glided"), [(False, 49), (True, 50)])
+def test_a_glide_is_remembered_until_the_spindle_is_heard_again(unheard, glided):
+    """Where a speed is known and not heard; else for some seconds."""
+    known = np.zeros(1, VIBRATION)
+    known["frequency_hz"], known["noise"], known["glided"] = 1000.0, 1.0, 50
+    (vibration,) = followed(known, lines_of(interval(1000.0), Odds()), RULES._replace(unheard=unheard))
+    assert vibration["glided"] == glided
 
 
 def test_a_line_belongs_to_the_vibration_that_is_nearest():
