@@ -20,10 +20,10 @@ class Overview(NamedTuple):
     ----------
     suspicion, heard_suspicion : float
         Probability that the most suspicious has risen and that nothing that turns explains it; that of the suspect.
-    alarm, suspect, steadiest : int
+    alarm, suspect, steadiest, loudest_chattered : int
         Number of the one that the running alarm began with; of the most suspicious that is heard and takes
         `SUSPECT_SHARE`; of that with most steady power, which is none of what has chattered, for that dies down as
-        calmly. `NONE` where there is none.
+        calmly; of that with most power of what has. `NONE` where there is none.
     steady_share, chattered_share : float
         Shares of the power that are steady, and in lines of what has chattered.
     """
@@ -33,6 +33,7 @@ class Overview(NamedTuple):
     alarm: int = NONE
     suspect: int = NONE
     steadiest: int = NONE
+    loudest_chattered: int = NONE
     steady_share: float = 0.0
     chattered_share: float = 0.0
 
@@ -41,9 +42,9 @@ class Overview(NamedTuple):
 def overview(vibrations, lines):
     """Look over vibrations after an interval, an array of VIBRATION, and its lines, an array of LINE."""
     suspicion = heard_suspicion = 0.0
-    alarm = suspect = steadiest = NONE
+    alarm = suspect = steadiest = loudest_chattered = NONE
     longest = 0
-    most = steady = chattered = 0.0
+    most = steady = loudest = chattered = 0.0
     for i in range(vibrations.shape[0]):
         vibration = vibrations[i]
         suspicious = suspicion_of(vibration)
@@ -57,12 +58,14 @@ def overview(vibrations, lines):
         line = lines[vibration.line]
         if vibration.chattered:
             chattered += line.share
+            if line.share > loudest:
+                loudest_chattered, loudest = i, line.share
             continue
         own = steady_share(line.share, line.variation)
         steady += own
         if own > most:
             steadiest, most = i, own
-    return Overview(suspicion, heard_suspicion, alarm, suspect, steadiest, steady, chattered)
+    return Overview(suspicion, heard_suspicion, alarm, suspect, steadiest, loudest_chattered, steady, chattered)
 
 
 @njit(**OPTIONS)

@@ -11,6 +11,7 @@ from chatter_monitor.records import Flag, Verdict
 from chatter_monitor.tracking.margin import FRAMES_TO_RENEW, Margin
 from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, spindle_order
+from chatter_monitor.verdict.loudness import Loudness
 from chatter_monitor.verdict.opinion import Memory, Opinion, entering, is_undamped, opinion, stands_for
 from chatter_monitor.verdict.settings import JudgeSettings
 from chatter_monitor.verdict.vibrations import Following, Told, repeating_share, steady_share
@@ -21,6 +22,9 @@ WITHOUT_MARGIN = ("idle", "unknown", "self_excited")
 AFTER_CHATTER = Margin(reason="the cut chattered just now")
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
+
+# Of the intervals in which an alarm goes on because it has not got quieter, so many were right (development cuts).
+STILL_RIGHT = 0.97
 
 # Weight of an interval in the average of the shares: what is said does not flicker.
 AVERAGING = 0.15
@@ -45,6 +49,7 @@ class Judge:
         self._forgetting = 1.0 - interval_s / 60.0
         self._memory = Memory()
         self._following = Following()
+        self._loudness = Loudness(interval_s)
 
     def set_thresholds(self, settings: JudgeSettings) -> None:
         """Judge by other thresholds, from the next interval on; what is remembered stays."""
@@ -60,22 +65,27 @@ class Judge:
         if deaf:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif (quiet := _quiet(evidence, memory, settings)) is not None:
-            self._following.rest(forget=evidence.alone)
+            self._rest(evidence)
             memory = memory._replace(told=Told())
             view = Opinion("idle", 0.95, (quiet,))
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         elif evidence.entering:
-            self._following.rest(forget=evidence.alone)
+            self._rest(evidence)
             repeating = repeating_share(evidence.orders, Told())
             memory = memory._replace(told=Told(), repeating=repeating, forced_share=repeating)
             view = entering(memory, settings)
         else:
             memory = self._follow(memory, evidence)
-            view = opinion(evidence, memory, settings)
+            view = self._going_on(opinion(evidence, memory, settings), evidence, memory)
         undamped = view.state != "unknown" and is_undamped(evidence, settings)
         since_alarm = 0.0 if view.state == "self_excited" else memory.since_alarm + 1.0
-        self._memory = memory._replace(forced=view.state == "forced", undamped=undamped, since_alarm=since_alarm)
+        self._memory = memory._replace(
+            forced=view.state == "forced",
+            undamped=undamped,
+            since_alarm=since_alarm,
+            found=evidence.orders.source == "found",
+        )
         return self._record(view, evidence, first_sample, samples, sample_rate_hz)
 
     def _follow(self, memory: Memory, evidence: Evidence) -> Memory:
@@ -93,6 +103,24 @@ class Judge:
             repeating=repeating,
             forced_share=max(stands_for(steady), repeating),
         )
+
+    def _rest(self, evidence: Evidence) -> None:
+        """Nothing is cut, or a cut begins: of the one before only what has chattered is remembered."""
+        self._following.rest(forget=evidence.alone)
+        self._loudness.rest()
+
+    def _going_on(self, view: Opinion, evidence: Evidence, memory: Memory) -> Opinion:
+        """What an interval of cutting is called: an alarm lasts until the cut gets quieter."""
+        if view.state == "self_excited":
+            self._loudness.alarm(evidence.power)
+            return view
+        if evidence.orders.source == "found" and not memory.found:  # what turns is known now: it may explain the alarm
+            self._loudness.rest()
+        if not self._loudness.goes_on(evidence.power):
+            return view
+        chattered = memory.told.chattered
+        why = (reasons.still_loud(self._loudness.rise),)
+        return Opinion("self_excited", STILL_RIGHT, why, None if chattered is None else chattered.heard)
 
     def _hear(self, level: float) -> Memory:
         """Take note of how loud it is."""

@@ -52,6 +52,8 @@ class Memory(NamedTuple):
         Whether its damping was surely as good as none.
     since_alarm : float
         Intervals since the last one that was called chatter.
+    found : bool
+        Whether a speed that was not told was known in the last interval.
     """
 
     loudest: float = 0.0
@@ -63,6 +65,7 @@ class Memory(NamedTuple):
     forced: bool = False
     undamped: bool = False
     since_alarm: float = math.inf
+    found: bool = False
 
 
 class Opinion(NamedTuple):

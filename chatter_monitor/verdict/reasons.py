@@ -43,6 +43,11 @@ def chatter(alarm: Followed, orders: Orders) -> tuple[str, ...]:
     return tuple(told)
 
 
+def still_loud(rise: float) -> str:
+    """That an alarm goes on, because the power is so many times what it was before."""
+    return f"the vibration has not died down since the alarm: {10.0 * math.log10(rise):.0f} dB above the cut before it"
+
+
 def grown(growth: float) -> str:
     """That what repeats from rotation to rotation has grown by so many e-folds."""
     return f"the waves come back after each rotation out of step, and grew {math.exp(growth):.1f} times"

@@ -106,6 +106,11 @@ class Told:
         """That with most steady power."""
         return self._followed(self.overview.steadiest)
 
+    @property
+    def chattered(self) -> Followed | None:
+        """Of those that are heard and have chattered the one with most power."""
+        return self._followed(self.overview.loudest_chattered)
+
     def is_forced(self, frequency_hz: float, reach: float) -> bool:
         """Whether there is a forced vibration within so much of a frequency (natural logarithm)."""
         return bool(kernel.forced_at(self.vibrations, frequency_hz, reach))

@@ -316,6 +316,28 @@ def test_the_alarm_ends_when_the_line_is_gone():
     assert (seen[-1].state, seen[-1].frequency_hz) == ("self_excited", 400.0)
 
 
+def test_an_alarm_goes_on_until_the_cut_gets_quieter():
+    """Chatter that gets irregular is not over while the cut is as loud; nor when samples are lost; then it is."""
+    irregular = Vibration(Line(HZ, 0.3, 10.0, 0.6, 0.0, -0.2, -0.2, -0.2, 0.2), mode(0.01))
+    loud = evidence(irregular, rms=4.0)
+    onset = [CALM] * 40 + [evidence(growing(), rms=4.0)] * 20
+    seen = judged(*onset, *[loud] * 100, evidence(flags=Flag.GAP), *[loud] * 10, *[CALM] * 40)
+    assert [verdict.state for verdict in seen[60:171]] == ["self_excited"] * 100 + ["unknown"] + ["self_excited"] * 10
+    assert seen[159].reasons == [reasons.still_loud(16.0)]
+    assert seen[159].frequency_hz == HZ
+    assert "self_excited" not in [verdict.state for verdict in seen[-20:]]
+
+
+@pytest.mark.parametrize("after", [SILENCE, evidence(rms=4.0, entering=True), evidence(rms=4.0, orders=MILL)])
+def test_no_alarm_outlasts_what_explains_it(after):
+    """Nothing is cut any more; another cut begins; what turns has been found: what was loud needs another alarm."""
+    onset = [CALM] * 40 + [evidence(growing(), rms=4.0)] * 20
+    loud = [evidence(rms=4.0)] * 100
+    going_on = states(*onset, *loud)
+    assert going_on[-1] == "self_excited"
+    assert "self_excited" not in states(*onset, *loud, after, *[evidence(rms=4.0, orders=after.orders)] * 20)[-20:]
+
+
 @pytest.mark.parametrize("pause", [CALM, SILENCE])
 def test_what_has_chattered_chatters_again(pause):
     """Within a minute the same line, calm and loud again, is an alarm; it need not be seen to grow out of nothing."""
