@@ -235,7 +235,7 @@ class NaiveVibration:
         last = self.glides[-109:]
         glided = any(all(last[i : i + 10]) for i in range(len(last) - 9))
         odds = self.odds
-        if glided and not self.chattered:
+        if glided:
             odds = min(odds, rules.odds.unknown_speed) - 6.0
         self.unexplained = float(expit(odds + rules.odds.offset + rules.odds.dominance * self.dominance))
         before = self.alarm_for

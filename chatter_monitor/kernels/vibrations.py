@@ -343,7 +343,7 @@ def _another_interval(vibration, seen, news, rules, arrived, enough):
     risen = kinds.growing + kinds.saturated
     place = vibration.order_odds
     odds = rules.odds.offset + rules.odds.dominance * vibration.dominance
-    if vibration.glided > 0 and not vibration.chattered:
+    if vibration.glided > 0:
         odds += GLIDES
         place = min(place, rules.odds.unknown_speed)  # if the spindle takes it along, nobody knows its speed
     odds += place

@@ -338,6 +338,13 @@ def test_no_alarm_outlasts_what_explains_it(after):
     assert "self_excited" not in states(*onset, *loud, after, *[evidence(rms=4.0, orders=after.orders)] * 20)[-20:]
 
 
+def test_an_alarm_whose_line_glides_away_ends():
+    """What excites itself stays near its mode: what changes by 3 % a second goes with a spindle, alarm or not."""
+    stays, glides = ([evidence(steady(HZ * ratio**i)) for i in range(60)] for ratio in (1.0, 0.9985))
+    assert set(states(*ONSET, *stays)[-60:]) == {"self_excited"}
+    assert "self_excited" not in states(*ONSET, *glides)[-40:]
+
+
 @pytest.mark.parametrize("pause", [CALM, SILENCE])
 def test_what_has_chattered_chatters_again(pause):
     """Within a minute the same line, calm and loud again, is an alarm; it need not be seen to grow out of nothing."""
