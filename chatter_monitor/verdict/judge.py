@@ -114,11 +114,12 @@ class Judge:
         if view.state == "self_excited":
             self._loudness.alarm(evidence.power)
             return view
-        if evidence.orders.source == "found" and not memory.found:  # what turns is known now: it may explain the alarm
+        chattered = memory.told.chattered
+        found = evidence.orders.source == "found" and not memory.found
+        if found or (chattered is not None and chattered.glided):  # what turns explains the alarm, or may do so
             self._loudness.rest()
         if not self._loudness.goes_on(evidence.power):
             return view
-        chattered = memory.told.chattered
         why = (reasons.still_loud(self._loudness.rise),)
         return Opinion("self_excited", STILL_RIGHT, why, None if chattered is None else chattered.heard)
 

@@ -51,6 +51,8 @@ class Followed(NamedTuple):
         Whether there has been an alarm about it, within the last minute.
     heard : Vibration or None
         Its line in this interval.
+    glided : bool
+        Whether a spindle has taken it along.
     """
 
     frequency_hz: float
@@ -59,6 +61,7 @@ class Followed(NamedTuple):
     alarm_for: int = 0
     chattered: bool = False
     heard: Vibration | None = None
+    glided: bool = False
 
     @property
     def self_excited(self) -> float:
@@ -122,8 +125,9 @@ class Told:
             number
         ].tolist()
         heard = None if line == NO_LINE else self._heard[line]
+        glided = bool(self.vibrations["glided"][number] > 0)
         return Followed(
-            frequency_hz, Kinds(noise, growing, saturated, steady), unexplained, alarm_for, chattered, heard
+            frequency_hz, Kinds(noise, growing, saturated, steady), unexplained, alarm_for, chattered, heard, glided
         )
 
 
