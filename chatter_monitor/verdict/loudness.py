@@ -10,14 +10,16 @@ from __future__ import annotations
 import statistics
 from collections import deque
 
+from chatter_monitor.kernels.vibrations import AVERAGING
+
 # Seconds of cutting without an alarm that "before" is the median of; with fewer there is no telling.
 BEFORE_S, LEAST_S = 5.0, 1.0
 # An alarm as long as this, in seconds, has told how loud what chatters is.
 TELLING_S = 0.5
 # How many times the power of before it is still; and which share of that in the alarm.
 STILL_LOUD, STILL_THERE = 8.0, 0.25
-# Weight of an interval in the average of the power now, and the least in that of the alarm.
-AVERAGING, LASTING = 0.35, 0.02
+# Least weight of an interval in the average of the power in an alarm.
+LASTING = 0.02
 
 
 class Loudness:

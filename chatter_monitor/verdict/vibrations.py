@@ -121,14 +121,11 @@ class Told:
     def _followed(self, number: int) -> Followed | None:
         if number == NONE:
             return None
-        frequency_hz, noise, growing, saturated, steady, unexplained, alarm_for, chattered, line, *_ = self.vibrations[
-            number
-        ].tolist()
+        known = self.vibrations[number].tolist()
+        frequency_hz, noise, growing, saturated, steady, unexplained, alarm_for, chattered, line, *_, glided = known
+        kinds = Kinds(noise, growing, saturated, steady)
         heard = None if line == NO_LINE else self._heard[line]
-        glided = bool(self.vibrations["glided"][number] > 0)
-        return Followed(
-            frequency_hz, Kinds(noise, growing, saturated, steady), unexplained, alarm_for, chattered, heard, glided
-        )
+        return Followed(frequency_hz, kinds, unexplained, alarm_for, chattered, heard, glided > 0)
 
 
 class Following:
