@@ -24,6 +24,8 @@ from chatter_monitor.kernels.vibrations import DIED_DOWN, LINE_WIDTH_HZ
 FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
 # Log odds of what is on no order for certain.
 OFF_ORDERS = -math.log(FORCED_OFF_ORDERS)
+# Of told speeds that are not heard so many are not the spindle's any more.
+NOT_THIS = 0.2
 # What came with the tool tells of chatter where it takes most of the power: each mode that noise drives comes with it.
 MOST = 0.5
 # A line is the one with sidebands when it is so near: a bin of the short-time spectrum.
@@ -33,7 +35,7 @@ OVERTONES, OVERTONE_HZ = 5, 8.0
 
 
 @njit(**OPTIONS)
-def witness(heard, taken, found, spindle, carrier_hz, growth, power, odds, lines):
+def witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, odds, lines):
     """Tell of each line what the following of vibrations takes.
 
     Parameters
@@ -53,6 +55,8 @@ def witness(heard, taken, found, spindle, carrier_hz, growth, power, odds, lines
         other to be told. It counts as the strongest.
     power : float
         That which the lines have their shares of.
+    usual : float
+        That of the cut before, 0 where it is not known: what grows by itself comes on top of it.
     odds : Odds
     lines : ndarray of LINE, shape (>= n,)
         The result.
@@ -66,8 +70,8 @@ def witness(heard, taken, found, spindle, carrier_hz, growth, power, odds, lines
         line.power = power
         line.arrival = 0.0
         line.carrier = abs(seen[HERTZ] - carrier_hz) < CARRIER_HZ and seen[ABSOLUTE_RISE] > DIED_DOWN
-        line.order_odds = OFF_ORDERS if line.carrier else _order_odds(seen, found, odds)
-        line.dominance = _own_share(seen, taken, power)
+        line.order_odds = OFF_ORDERS if line.carrier else _order_odds(seen, found, spindle, odds)
+        line.dominance = _own_share(seen, taken, power) * (power / usual if power < usual else 1.0)
         if line.order_odds > 0.0:  # teeth have overtones, too
             overtones = 0.0
             for other in heard:
@@ -128,7 +132,7 @@ def _own_share(seen, taken, power):
 
 
 @njit(**OPTIONS)
-def _order_odds(seen, found, odds):
+def _order_odds(seen, found, spindle, odds):
     """Log odds for self-excitation by its place among the orders: chatter may be anywhere, forced lines are not."""
     if math.isnan(seen[TEETH_BY_CHANCE]):
         return odds.unknown_speed
@@ -139,6 +143,8 @@ def _order_odds(seen, found, odds):
         + FORCED_AT_ROTATION * seen[NEAR] / seen[BY_CHANCE]
         + FORCED_OFF_ORDERS * (1.0 - seen[NEAR]) / (1.0 - seen[BY_CHANCE])
     )
+    if not (found or spindle):
+        forced = NOT_THIS + (1.0 - NOT_THIS) * forced
     if found and forced < 1.0:  # what was found may be another machine's comb
         return odds.off_found
     return -math.log(forced)

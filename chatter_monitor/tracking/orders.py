@@ -147,6 +147,11 @@ class Orders(NamedTuple):
         """Whether something turns that can be heard."""
         return self.synchronous_share > HEARD_SHARE
 
+    @property
+    def spindle_heard(self) -> bool:
+        """Whether that is the spindle, of a told speed that nothing speaks against, and not another comb alone."""
+        return self.source == "refined" and bool(self.lines) and self.heard
+
 
 class OrderTracker:
     """Takes what turns out of one channel, sample by sample, without delay.

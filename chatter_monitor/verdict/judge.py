@@ -23,8 +23,10 @@ AFTER_CHATTER = Margin(reason="the cut chattered just now")
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 
-# Of the intervals in which an alarm goes on because it has not got quieter, so many were right (development cuts).
-STILL_RIGHT = 0.97
+# From this probability of self-excitation on a cut that has got loud is an alarm.
+SUSPECTED = 0.3
+# Of the intervals that are alarms because of how loud it is, so many were right (development cuts).
+LOUD_RIGHT = 0.98
 
 # Weight of an interval in the average of the shares: what is said does not flicker.
 AVERAGING = 0.15
@@ -77,7 +79,7 @@ class Judge:
             view = entering(memory, settings)
         else:
             memory = self._follow(memory, evidence)
-            view = self._going_on(opinion(evidence, memory, settings), evidence, memory)
+            view = self._by_loudness(opinion(evidence, memory, settings), evidence, memory)
         undamped = view.state != "unknown" and is_undamped(evidence, settings)
         since_alarm = 0.0 if view.state == "self_excited" else memory.since_alarm + 1.0
         self._memory = memory._replace(
@@ -90,9 +92,9 @@ class Judge:
 
     def _follow(self, memory: Memory, evidence: Evidence) -> Memory:
         """Follow what an interval shows."""
-        unheard = evidence.orders.spindle[0] is not None and not evidence.orders.heard
+        unheard = evidence.orders.spindle[0] is not None and not evidence.orders.spindle_heard
         rules = Rules(self._settings.alarm_probability, self._settings.calm_probability, unheard=unheard)
-        told = self._following.follow(evidence, rules)
+        told = self._following.follow(evidence, rules, self._loudness.usual)
         synchronous = evidence.orders.synchronous_share
         steady = memory.steady + AVERAGING * (steady_share(synchronous, told) - memory.steady)
         repeating = repeating_share(evidence.orders, told)
@@ -109,19 +111,22 @@ class Judge:
         self._following.rest(forget=evidence.alone)
         self._loudness.rest()
 
-    def _going_on(self, view: Opinion, evidence: Evidence, memory: Memory) -> Opinion:
-        """What an interval of cutting is called: an alarm lasts until the cut gets quieter."""
-        if view.state == "self_excited":
-            self._loudness.alarm(evidence.power)
-            return view
-        chattered = memory.told.chattered
+    def _by_loudness(self, view: Opinion, evidence: Evidence, memory: Memory) -> Opinion:
+        """What an interval of cutting is called: how loud it is makes an alarm of a warning, and ends one."""
+        told, alarm = memory.told, view.state == "self_excited"
+        chattered = told.chattered
         found = evidence.orders.source == "found" and not memory.found
-        if found or (chattered is not None and chattered.glided):  # what turns explains the alarm, or may do so
-            self._loudness.rest()
-        if not self._loudness.goes_on(evidence.power):
+        if not alarm and (found or (chattered is not None and chattered.glided)):  # what turns explains it, or may
+            self._loudness.forget()
+        suspect = told.suspect if told.overview.heard_suspicion >= SUSPECTED else None
+        calm = told.overview.suspicion < self._settings.warning_probability
+        loud = self._loudness.hear(evidence.power, alarm=alarm, suspected=suspect is not None, calm=calm)
+        if alarm or not loud:
             return view
-        why = (reasons.still_loud(self._loudness.rise),)
-        return Opinion("self_excited", STILL_RIGHT, why, None if chattered is None else chattered.heard)
+        about = suspect if chattered is None else chattered
+        rise = self._loudness.rise
+        why = reasons.still_loud(rise) if suspect is None else reasons.loud(suspect, rise)
+        return Opinion("self_excited", LOUD_RIGHT, (why,), None if about is None else about.heard)
 
     def _hear(self, level: float) -> Memory:
         """Take note of how loud it is."""

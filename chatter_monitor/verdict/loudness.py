@@ -1,8 +1,9 @@
-"""How loud a cut is before an alarm and after it: chatter is over when it gets quieter, not when it gets irregular.
+"""How loud a cut is, against what it was: what is suspected is chatter when it gets loud, and is so until it is quiet.
 
-What chatters is limited by the tool leaving the cut, and then jumps between lines and loses its coherence for a while.
-None of that ends it. As long as the power that does not turn with the spindle stays far above what it was before, and
-does not fall far below what it was in the alarm, the alarm goes on.
+A line that is suspected takes its time to be certain; where all that does not turn with the spindle has grown many
+times louder with it, there is nothing to wait for. And what chatters is limited by the tool leaving the cut, and then
+jumps between lines and loses its coherence for a while. None of that ends it: as long as the power stays far above what
+it was before, and does not fall far below what it was in the alarm, the alarm goes on.
 """
 
 from __future__ import annotations
@@ -12,11 +13,13 @@ from collections import deque
 
 from chatter_monitor.kernels.vibrations import AVERAGING
 
-# Seconds of cutting without an alarm that "before" is the median of; with fewer there is no telling.
-BEFORE_S, LEAST_S = 5.0, 1.0
+# Seconds of calm cutting that "usual" is the median of; with fewer there is no telling.
+USUAL_S, LEAST_S = 5.0, 1.0
+# How many times the usual power it is for an alarm to begin, for so many seconds in which something is suspected.
+LOUD, SUSPECTED_S = 16.0, 0.25
 # An alarm as long as this, in seconds, has told how loud what chatters is.
 TELLING_S = 0.5
-# How many times the power of before it is still; and which share of that in the alarm.
+# How many times the usual power it is still; and which share of that in the alarm.
 STILL_LOUD, STILL_THERE = 8.0, 0.25
 # Least weight of an interval in the average of the power in an alarm.
 LASTING = 0.02
@@ -29,43 +32,65 @@ class Loudness:
     ----------
     interval_s : float
         Length of an interval.
+
+    Attributes
+    ----------
+    usual : float
+        Power of calm cutting, of this cut if enough of it was heard, or of the one before; 0 where it is not known.
     """
 
     def __init__(self, interval_s: float) -> None:
-        self._calm = deque[float](maxlen=round(BEFORE_S / interval_s))
+        self.usual = 0.0
+        self._calm = deque[float](maxlen=round(USUAL_S / interval_s))  # of this cut
         self._least, self._telling = round(LEAST_S / interval_s), round(TELLING_S / interval_s)
+        self._enough = round(SUSPECTED_S / interval_s)
         self._now: float | None = None
-        self._before: float | None = None
+        self._suspected = 0
         self._alarmed, self._in_alarm = 0, 0.0
-
-    def rest(self) -> None:
-        """Nothing is cut, or a cut begins: no alarm goes on."""
-        self._alarmed, self._now = 0, None
-
-    def alarm(self, power: float) -> None:
-        """Hear an interval of alarm."""
-        if self._alarmed == 0:
-            self._before = statistics.median(self._calm) if len(self._calm) >= self._least else None
-        self._follow(power)
-        self._alarmed += 1
-        self._in_alarm += max(1.0 / self._alarmed, LASTING) * (power - self._in_alarm)
-
-    def goes_on(self, power: float) -> bool:
-        """Hear an interval of cutting without one; whether the alarm before it goes on all the same."""
-        now = self._follow(power)
-        if self.rise > STILL_LOUD and now > STILL_THERE * self._in_alarm:
-            return True
-        self._alarmed = 0
-        self._calm.append(power)
-        return False
 
     @property
     def rise(self) -> float:
-        """How many times the power before the alarm it is now; 0 where no alarm told, or nothing before it."""
-        if self._alarmed < self._telling or not self._before or self._now is None:
-            return 0.0
-        return self._now / self._before
+        """How many times the usual power it is now; 0 where that is not known."""
+        return self._now / self.usual if self._now is not None and self.usual > 0.0 else 0.0
 
-    def _follow(self, power: float) -> float:
+    def rest(self) -> None:
+        """Nothing is cut, or a cut begins."""
+        self._calm.clear()
+        self.forget()
+
+    def forget(self) -> None:
+        """Take what is loud as explained: no alarm goes on for it."""
+        self._suspected, self._alarmed, self._now = 0, 0, None
+
+    def hear(self, power: float, *, alarm: bool, suspected: bool, calm: bool) -> bool:
+        """Hear an interval of cutting.
+
+        Parameters
+        ----------
+        power : float
+            Of what does not turn.
+        alarm, suspected, calm : bool
+            Whether a line is an alarm; may well be chatter; or none is at all likely to be: only that is usual.
+
+        Returns
+        -------
+        bool
+            Whether it is an alarm for its loudness.
+        """
         self._now = power if self._now is None else self._now + AVERAGING * (power - self._now)
-        return self._now
+        loud = self.rise > LOUD and len(self._calm) >= self._least
+        self._suspected = self._suspected + 1 if suspected and loud else 0
+        begins = self._suspected >= self._enough
+        if alarm or begins:
+            self._alarmed += 1
+            self._in_alarm += max(1.0 / self._alarmed, LASTING) * (power - self._in_alarm)
+            return begins
+        told = self._alarmed >= self._telling
+        if told and self.rise > STILL_LOUD and self._now > STILL_THERE * self._in_alarm:
+            return True
+        self._alarmed = 0
+        if calm:
+            self._calm.append(power)
+            if len(self._calm) >= self._least:
+                self.usual = statistics.median(self._calm)
+        return False

@@ -17,7 +17,7 @@ MOST = 0.5
 # without tones from elsewhere: with none of it; the share half-way to certainty, and how far from it the odds change
 # e-fold.
 FORCED_WITH_NONE = 0.01
-HALF_WAY, SHARE_DOUBT = 0.57, 0.11
+HALF_WAY, SHARE_DOUBT = 0.645, 0.11
 # Of the warnings that come long before an alarm, so many were right, likewise: the others were late, or forced.
 WARNING_RIGHT = 0.4
 # Of what is forced so much is heard as steady: the rest is unsteady, or in lines too weak to stand out.

@@ -43,6 +43,11 @@ def chatter(alarm: Followed, orders: Orders) -> tuple[str, ...]:
     return tuple(told)
 
 
+def loud(suspect: Followed, rise: float) -> str:
+    """That what is suspected is an alarm, because the power is so many times what is usual."""
+    return f"{_line(suspect)} has risen, and the cut is {10.0 * math.log10(rise):.0f} dB louder than before"
+
+
 def still_loud(rise: float) -> str:
     """That an alarm goes on, because the power is so many times what it was before."""
     return f"the vibration has not died down since the alarm: {10.0 * math.log10(rise):.0f} dB above the cut before it"

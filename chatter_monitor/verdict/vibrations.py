@@ -135,18 +135,18 @@ class Following:
         self._known = 0  # of the vibrations, the most suspicious first; behind them there is room for more
         self._vibrations, self._work = np.empty((2, ROOM), VIBRATION)
         self._lines, self._taken = np.empty(ROOM, LINE), np.empty(ROOM, np.bool_)
-        testimony = (np.empty((0, FIELDS)), NOTHING_TAKEN, False, False, math.nan, 0.0, 0.0)
+        testimony = (np.empty((0, FIELDS)), NOTHING_TAKEN, False, False, math.nan, 0.0, 0.0, 0.0)
         self._another_interval = bound(
             kernel.another_interval,
             *(self._vibrations, 0, testimony, Rules(0.5, 0.5), _WEIGHTS, self._lines, self._taken, self._work),
         )
 
-    def follow(self, evidence: Evidence, rules: Rules) -> Told:
-        """Follow them through another interval."""
+    def follow(self, evidence: Evidence, rules: Rules, usual: float = 0.0) -> Told:
+        """Follow them through another interval, of a cut that usually has so much power."""
         heard = evidence.vibrations
         self._make_room(len(heard))
         self._known, overview = self._another_interval(
-            *(self._vibrations, self._known, _testimony(evidence), rules),
+            *(self._vibrations, self._known, _testimony(evidence, usual), rules),
             *(_WEIGHTS, self._lines, self._taken, self._work),
         )
         return Told(overview, self._vibrations[: self._known], heard)
@@ -188,11 +188,13 @@ def repeating_share(orders: Orders, told: Told) -> float:
 def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
     """Prominent lines of an interval as vibrations take them, shape (lines,)."""
     lines = np.empty(len(evidence.vibrations), LINE)
-    witness(*_testimony(evidence), odds, lines)
+    witness(*_testimony(evidence, 0.0), odds, lines)
     return lines
 
 
-def _testimony(evidence: Evidence) -> tuple[NDArray[np.float64], NDArray[np.float64], bool, bool, float, float, float]:
+def _testimony(
+    evidence: Evidence, usual: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], bool, bool, float, float, float, float]:
     """What `kernels.testimony` takes of an interval."""
     orders = evidence.orders
     taken = [(line.frequency_hz, line.rms) for line in (*orders.lines, *orders.other_lines)]
@@ -200,8 +202,9 @@ def _testimony(evidence: Evidence) -> tuple[NDArray[np.float64], NDArray[np.floa
         evidence.vibrations.table,
         np.array(taken) if taken else NOTHING_TAKEN,
         orders.source == "found",
-        orders.source == "refined" and orders.heard,
+        orders.spindle_heard,
         math.nan if orders.sidebands is None else orders.sidebands.carrier_hz,
         orders.growth,
         evidence.power,
+        usual,
     )

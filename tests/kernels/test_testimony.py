@@ -10,16 +10,16 @@ import pytest
 from chatter_monitor.kernels.heard import BY_CHANCE, FIELDS, HERTZ, NEAR, NEAR_TEETH, TEETH_BY_CHANCE
 from chatter_monitor.kernels.kinds import LINE
 from chatter_monitor.kernels.lines import ABSOLUTE_RISE, ARRIVAL, NEWS, SHARE
-from chatter_monitor.kernels.testimony import witness
+from chatter_monitor.kernels.testimony import NOT_THIS, witness
 from chatter_monitor.kernels.vibrations import Odds
 
 ODDS = Odds(unknown_speed=-0.6, off_found=0.5)
 NOTHING = np.empty((0, 2))
 
 
-def said_of(heard, *, taken=NOTHING, found=False, spindle=False, carrier_hz=math.nan, growth=0.0, power=2.0):
+def said_of(heard, *, taken=NOTHING, found=False, spindle=False, carrier_hz=math.nan, growth=0.0, power=2.0, usual=0.0):
     lines = np.empty(len(heard), LINE)
-    witness(heard, taken, found, spindle, carrier_hz, growth, power, ODDS, lines)
+    witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, ODDS, lines)
     return lines
 
 
@@ -44,8 +44,25 @@ def line(hertz, share=0.5, near=0.0, by_chance=0.2, near_teeth=0.0, teeth_by_cha
 )
 def test_odds_are_those_of_its_place(place, found, odds):
     """Forced lines are at multiples of the teeth, of the rotation, or off both, in known shares."""
-    (said,) = said_of(np.array([line(500.0, 0.5, *place)]), found=found)
+    (said,) = said_of(np.array([line(500.0, 0.5, *place)]), found=found, spindle=not found)
     assert said["order_odds"] == pytest.approx(odds)
+
+
+@pytest.mark.parametrize("near", [0.0, 1.0])
+def test_a_told_speed_that_is_not_heard_may_not_be_true(near):
+    """Then a line says nothing by its place, on an order or off: odds are those of the mixture."""
+    heard = np.array([line(500.0, 0.5, near, 0.2, near)])
+    (sure,), (unsure,) = said_of(heard, spindle=True), said_of(heard)
+    forced = NOT_THIS + (1.0 - NOT_THIS) * math.exp(-sure["order_odds"])
+    assert unsure["order_odds"] == pytest.approx(-math.log(forced))
+    assert abs(unsure["order_odds"]) < abs(sure["order_odds"])
+
+
+def test_what_does_not_come_on_top_of_the_cut_has_a_share_of_that():
+    """What is quieter than the cut usually is takes less of it than of what is heard; what is louder takes its own."""
+    heard = np.array([line(500.0, 0.8)])
+    assert said_of(heard, power=2.0, usual=8.0)["dominance"] == pytest.approx(0.2)
+    assert said_of(heard, power=2.0, usual=1.0)["dominance"] == pytest.approx(0.8)
 
 
 def test_nothing_is_new_on_an_order_however_dense_they_are():
@@ -99,5 +116,5 @@ def test_what_has_sidebands_is_on_no_order(hertz, fell, carrier):
     (said,) = said_of(heard[np.newaxis], carrier_hz=500.0)
     assert said["carrier"] == carrier
     assert (said["order_odds"], said["arrival"]) == (
-        (pytest.approx(-math.log(0.05)), 2.5) if carrier else (pytest.approx(-math.log(7.5 + 1.0)), 0.0)
+        (pytest.approx(-math.log(0.05)), 2.5) if carrier else (pytest.approx(-math.log(0.2 + 0.8 * (7.5 + 1.0))), 0.0)
     )

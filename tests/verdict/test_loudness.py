@@ -1,70 +1,98 @@
-"""How long an alarm lasts: until the cut gets quieter."""
+"""When loudness alone makes an alarm, and how long one lasts: until the cut gets quieter."""
 
 from __future__ import annotations
 
-from chatter_monitor.verdict.loudness import BEFORE_S, LEAST_S, STILL_LOUD, STILL_THERE, TELLING_S, Loudness
+import pytest
+
+from chatter_monitor.verdict.loudness import (
+    LEAST_S,
+    LOUD,
+    STILL_LOUD,
+    STILL_THERE,
+    SUSPECTED_S,
+    TELLING_S,
+    USUAL_S,
+    Loudness,
+)
 
 INTERVAL_S = 0.05
-LEAST, TELLING = round(LEAST_S / INTERVAL_S), round(TELLING_S / INTERVAL_S)
-LOUD = 4.0 * STILL_LOUD  # times the power of a calm cut
+LEAST, TELLING, ENOUGH, WINDOW = (round(s / INTERVAL_S) for s in (LEAST_S, TELLING_S, SUSPECTED_S, USUAL_S))
+CHATTER = 2.0 * LOUD  # times the power of a calm cut
 
 
-def after(*, calm=LEAST, alarm=TELLING, power=LOUD):
+def hear(loudness, power, intervals=40, **heard):
+    """In how many intervals of that power it is an alarm for its loudness."""
+    heard = {"alarm": False, "suspected": False, "calm": True} | heard
+    return sum(loudness.hear(power, **heard) for _ in range(intervals))
+
+
+def after(*, calm=LEAST, alarm=TELLING, power=CHATTER):
     """A calm cut of power one, and an alarm of so many intervals."""
     loudness = Loudness(INTERVAL_S)
-    for _ in range(calm):
-        assert not loudness.goes_on(1.0)
-    for _ in range(alarm):
-        loudness.alarm(power)
+    assert hear(loudness, 1.0, calm) == 0
+    hear(loudness, power, alarm, alarm=True)
     return loudness
 
 
-def lasts(loudness, power, intervals=40):
-    """For how many intervals it goes on at that power."""
-    return sum(loudness.goes_on(power) for _ in range(intervals))
-
-
 def test_an_alarm_goes_on_while_the_cut_is_as_loud():
-    """It lasts for as long as the power does, and tells by how much that is above what it was before."""
+    """It lasts for as long as the power does, and tells by how much that is above what is usual."""
     loudness = after()
-    assert lasts(loudness, LOUD, 400) == 400
-    assert abs(loudness.rise - LOUD) < 1e-9
+    assert hear(loudness, CHATTER, 400) == 400
+    assert loudness.rise == pytest.approx(CHATTER)
+    assert loudness.usual == 1.0
 
 
 def test_it_ends_when_the_cut_gets_quieter():
-    """Below a quarter of the alarm, though far above what was before; or near what was before."""
-    assert lasts(after(power=100.0 * LOUD), 0.9 * STILL_THERE * 100.0 * LOUD) < 10
-    assert lasts(after(power=1.5 * STILL_LOUD), 0.9 * STILL_LOUD) < 10
+    """Below a quarter of the alarm, though far above what is usual; or near what is."""
+    assert hear(after(power=100.0 * CHATTER), 0.9 * STILL_THERE * 100.0 * CHATTER) < 10
+    assert hear(after(power=1.5 * STILL_LOUD), 0.9 * STILL_LOUD) < 10
 
 
 def test_it_does_not_come_back_by_itself():
     """What has ended is no alarm when it gets loud again: another alarm has to tell."""
     loudness = after()
-    lasts(loudness, 1.0)
-    assert lasts(loudness, LOUD) == 0
+    hear(loudness, 1.0)
+    assert hear(loudness, CHATTER) == 0
 
 
 def test_no_alarm_goes_on_that_did_not_tell():
     """One shorter than half a second; one with less than a second of cutting before it; none at all."""
-    assert lasts(after(alarm=TELLING - 1), LOUD) == 0
-    assert lasts(after(calm=LEAST - 1), LOUD) == 0
-    assert lasts(after(alarm=0), LOUD) == 0
+    assert hear(after(alarm=TELLING - 1), CHATTER) == 0
+    assert hear(after(calm=LEAST - 1), CHATTER) == 0
+    assert hear(after(alarm=0), CHATTER) == 0
 
 
 def test_rest_ends_it():
-    """A tool that leaves the cut, or enters the next, takes the alarm with it; what was before is remembered."""
+    """A tool that leaves the cut, or enters the next, takes the alarm with it; what was usual is remembered."""
     loudness = after()
     loudness.rest()
-    assert lasts(loudness, LOUD) == 0
-    for _ in range(TELLING):
-        loudness.alarm(1e3 * LOUD)
-    assert lasts(loudness, 1e3 * LOUD) == 40
+    assert hear(loudness, CHATTER, calm=False) == 0
+    hear(loudness, CHATTER, TELLING, alarm=True)
+    assert hear(loudness, CHATTER) == 40
 
 
-def test_before_is_the_last_seconds():
-    """A cut that has been loud for long is what the next alarm is compared with."""
-    loudness = after(calm=LEAST, alarm=0)
-    lasts(loudness, LOUD, round(BEFORE_S / INTERVAL_S))
-    for _ in range(TELLING):
-        loudness.alarm(2.0 * LOUD)
-    assert lasts(loudness, 2.0 * LOUD) == 0
+def test_usual_is_what_was_calm_in_the_last_seconds():
+    """A cut that has been loud for long is what the next alarm is compared with, but not what was suspicious."""
+    loudness = after(alarm=0)
+    hear(loudness, CHATTER, WINDOW, calm=False)
+    assert loudness.usual == 1.0
+    hear(loudness, CHATTER, WINDOW)
+    assert loudness.usual == CHATTER
+
+
+def test_what_is_suspected_is_an_alarm_when_it_gets_loud():
+    """Within a quarter of a second, and for as long as it is loud; not where nothing is suspected."""
+    suspicious = {"suspected": True, "calm": False}
+    assert hear(after(alarm=0), 1e3, ENOUGH - 1, **suspicious) == 0
+    loudness = after(alarm=0)
+    assert hear(loudness, CHATTER, 40 + ENOUGH, **suspicious) >= 35
+    assert hear(loudness, CHATTER, 40) == 40
+    assert hear(after(alarm=0), CHATTER, 40) == 0
+    assert hear(after(alarm=0), 0.9 * LOUD, 40, **suspicious) == 0
+
+
+def test_a_cut_that_begins_loud_is_only_another_cut():
+    """What this cut usually is has to be known: that the one before was quieter says nothing."""
+    loudness = after(alarm=0)
+    loudness.rest()
+    assert hear(loudness, CHATTER, 40, suspected=True, calm=False) == 0
