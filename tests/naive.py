@@ -197,6 +197,7 @@ class NaiveVibration:
     place: float = 0.0
     glide: float = 0.0
     glides: list[bool] = field(default_factory=list)
+    rise: float = 0.0
 
     @property
     def self_excited(self) -> float:
@@ -226,6 +227,7 @@ class NaiveVibration:
             own = (1.0 - a) * self.dominance * self.power + a * line["dominance"] * line["power"]
             self.power = (1.0 - a) * self.power + a * line["power"]
             self.dominance = max(own / self.power, self.dominance if self.alarm_for else 0.0)
+            self.rise = (1.0 - a) * self.rise + a * min(line["long_rise"], line["absolute_rise"])
             arrival = line["arrival"] if line["carrier"] or self.odds >= vibrations.SURELY_OFF else 0.0
             seen = self.likeness(line, weights, arrival)
             news = self.news(line, seen[0] * rules.chain.evidence) if seen[0] > 0.0 else -self.told

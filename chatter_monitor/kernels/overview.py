@@ -5,12 +5,16 @@ from typing import NamedTuple
 
 from numba import njit
 
-from chatter_monitor.kernels.kinds import steady_share
+from chatter_monitor.kernels.kinds import coherence_damping, steady_share
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.testimony import witness
 from chatter_monitor.kernels.vibrations import NO_LINE, SUSPECT_SHARE, follow_all, suspicion_of
 
 NONE = -1
+
+# What may be on its way to chatter is louder by so much than it has been for seconds (natural logarithm) and as coherent
+# as a mode of so much damping; and its log odds by its place are at least so large.
+RISES, NARROW, MAYBE_OFF = 0.6, 0.006, -1.0
 
 
 class Overview(NamedTuple):
@@ -20,10 +24,11 @@ class Overview(NamedTuple):
     ----------
     suspicion, heard_suspicion : float
         Probability that the most suspicious has risen and that nothing that turns explains it; that of the suspect.
-    alarm, suspect, steadiest, loudest_chattered : int
+    alarm, suspect, riser, steadiest, loudest_chattered : int
         Number of the one that the running alarm began with; of the most suspicious that is heard and takes
-        `SUSPECT_SHARE`; of that with most steady power, which is none of what has chattered, for that dies down as
-        calmly; of that with most power of what has. `NONE` where there is none.
+        `SUSPECT_SHARE`; of that which takes as much and most of what has got louder; of that with most steady power,
+        which is none of what has chattered, for that dies down as calmly; of that with most power of what has. `NONE`
+        where there is none.
     steady_share, chattered_share : float
         Shares of the power that are steady, and in lines of what has chattered.
     """
@@ -32,6 +37,7 @@ class Overview(NamedTuple):
     heard_suspicion: float = 0.0
     alarm: int = NONE
     suspect: int = NONE
+    riser: int = NONE
     steadiest: int = NONE
     loudest_chattered: int = NONE
     steady_share: float = 0.0
@@ -42,9 +48,10 @@ class Overview(NamedTuple):
 def overview(vibrations, lines):
     """Look over vibrations after an interval, an array of VIBRATION, and its lines, an array of LINE."""
     suspicion = heard_suspicion = 0.0
-    alarm = suspect = steadiest = loudest_chattered = NONE
+    alarm = suspect = riser = steadiest = loudest_chattered = NONE
     longest = 0
     most = steady = loudest = chattered = 0.0
+    largest = SUSPECT_SHARE
     for i in range(vibrations.shape[0]):
         vibration = vibrations[i]
         suspicious = suspicion_of(vibration)
@@ -56,6 +63,8 @@ def overview(vibrations, lines):
         if suspect == NONE and vibration.dominance >= SUSPECT_SHARE:
             suspect, heard_suspicion = i, suspicious
         line = lines[vibration.line]
+        if vibration.dominance >= largest and _rises(vibration, line):
+            riser, largest = i, vibration.dominance
         if vibration.chattered:
             chattered += line.share
             if line.share > loudest:
@@ -65,7 +74,15 @@ def overview(vibrations, lines):
         steady += own
         if own > most:
             steadiest, most = i, own
-    return Overview(suspicion, heard_suspicion, alarm, suspect, steadiest, loudest_chattered, steady, chattered)
+    return Overview(suspicion, heard_suspicion, alarm, suspect, riser, steadiest, loudest_chattered, steady, chattered)
+
+
+@njit(**OPTIONS)
+def _rises(vibration, line):
+    """Whether it has got louder, is narrow, and may be off all that turns."""
+    free = vibration.order_odds > MAYBE_OFF and vibration.glided == 0
+    narrow = coherence_damping(line.coherence, line.frequency_hz) < NARROW
+    return free and narrow and vibration.rise > RISES
 
 
 @njit(**OPTIONS)

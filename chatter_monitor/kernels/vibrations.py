@@ -79,6 +79,7 @@ VIBRATION = np.dtype(
         ("order_odds", float),  # log odds by its place among the orders, averaged
         ("dominance", float),  # its share of the power over some intervals; the largest while an alarm is about it
         ("power", float),  # mean of those intervals
+        ("rise", float),  # by how much it is louder than it has been, averaged (natural logarithm)
         ("told", float),  # log likelihood of its rise, as far as it has been counted
         ("missed", np.int64),  # intervals since its line was heard
         ("over", np.int64),  # intervals since an alarm about it
@@ -247,7 +248,7 @@ def _begin(vibration, line):
     vibration.order_odds = line.order_odds
     vibration.dominance = line.dominance
     vibration.power = line.power
-    vibration.told = 0.0
+    vibration.rise = vibration.told = 0.0
     vibration.alarm_for = 0
     vibration.chattered = False
     vibration.heard = vibration.over = 0
@@ -279,6 +280,7 @@ def _heard(vibration, line, overtone, rules, weights):
     # Where the speed wanders, a forced line is off the orders for a moment; one with sidebands is so for certain.
     if vibration.order_odds < SURELY_OFF and not line.carrier:
         line.arrival = 0.0
+    vibration.rise += AVERAGING * (min(line.long_rise, line.absolute_rise) - vibration.rise)
     dominance = _dominance(vibration, line)
     vibration.dominance = max(dominance, vibration.dominance) if vibration.alarm_for else dominance
     seen = _likeness(vibration, line, weights)

@@ -11,7 +11,7 @@ from chatter_monitor.verdict.evidence import Evidence, Vibration, probability_be
 from chatter_monitor.verdict.settings import JudgeSettings
 from chatter_monitor.verdict.vibrations import Told
 
-# From this share of the power on, what turns with the spindle comes before a warning.
+# From this share of the power on, what turns with the spindle comes before a warning, but for what has got louder.
 MOST = 0.5
 # How likely more than half of the power is forced, by the share that is heard as such, fitted to development cuts
 # without tones from elsewhere: with none of it; the share half-way to certainty, and how far from it the odds change
@@ -85,11 +85,14 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
         return Opinion("self_excited", alarm.self_excited, reasons.chatter(alarm, evidence.orders), alarm.heard)
     calm = 1.0 - told.overview.suspicion
     forced = _forced_by(memory.forced_share)
-    if memory.synchronous > MOST:
-        return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
     suspect = told.suspect if told.overview.heard_suspicion >= settings.warning_probability else None
+    riser = told.riser
+    if memory.synchronous > MOST and riser is None:
+        return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
     if suspect is not None:
         return Opinion("approaching", WARNING_RIGHT * calm, (reasons.warned(suspect),), suspect.heard)
+    if riser is not None:
+        return Opinion("approaching", WARNING_RIGHT * calm, (reasons.louder(riser),), riser.heard)
     if evidence.orders.growth > 0.0:
         return Opinion("approaching", WARNING_RIGHT * calm, (reasons.grown(evidence.orders.growth),))
     if _is_mostly_forced(memory, settings):

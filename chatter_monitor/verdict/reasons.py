@@ -20,6 +20,11 @@ def warned(suspect: Followed) -> str:
     return f"{_line(suspect)} has risen; it may grow by itself, or come from something that turns"
 
 
+def louder(riser: Followed) -> str:
+    """That a vibration is louder than it has been."""
+    return f"{_line(riser)} is louder than it has been for seconds"
+
+
 def chatter(alarm: Followed, orders: Orders) -> tuple[str, ...]:
     """What an alarm is about."""
     if alarm.heard is None:

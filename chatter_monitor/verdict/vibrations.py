@@ -105,6 +105,11 @@ class Told:
         return self._followed(self.overview.suspect)
 
     @property
+    def riser(self) -> Followed | None:
+        """That which has got louder, narrow and off the orders as far as is known."""
+        return self._followed(self.overview.riser)
+
+    @property
     def steadiest(self) -> Followed | None:
         """That with most steady power."""
         return self._followed(self.overview.steadiest)

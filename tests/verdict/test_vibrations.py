@@ -96,6 +96,7 @@ def test_following_is_that_of_the_twin(seed):
         assert known["alarm_for"].tolist() == [twin.alarm_for for twin in twins]
         assert known["chattered"].tolist() == [twin.chattered for twin in twins]
         assert known["missed"].tolist() == [twin.missed for twin in twins]
+        np.testing.assert_allclose(known["rise"], [twin.rise for twin in twins], rtol=1e-9, atol=1e-12)
         alarms += np.sum(known["alarm_for"] == 1)
         chattered += np.sum(known["chattered"] & (known["alarm_for"] == 0))
         glided += np.sum(known["glided"] > 0)
