@@ -12,8 +12,8 @@ from chatter_monitor.kernels.vibrations import NO_LINE, SUSPECT_SHARE, follow_al
 
 NONE = -1
 
-# What may be on its way to chatter is louder by so much than it has been for seconds (natural logarithm) and as coherent
-# as a mode of so much damping; and its log odds by its place are at least so large.
+# What may be on its way to chatter is louder by so much than it has been for seconds (natural logarithm), as coherent
+# as a mode of so much damping, and at a place with at least such log odds.
 RISES, NARROW, MAYBE_OFF = 0.6, 0.006, -1.0
 
 
