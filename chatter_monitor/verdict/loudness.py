@@ -17,6 +17,8 @@ from chatter_monitor.kernels.vibrations import AVERAGING
 USUAL_S, LEAST_S = 5.0, 1.0
 # How many times the usual power it is for an alarm to begin, for so many seconds in which something is suspected.
 LOUD, SUSPECTED_S = 16.0, 0.25
+# What is so many times as loud as in the last intervals has not grown: it is another cut, or the first.
+LEAP, AT_ONCE = 16.0, 2
 # An alarm as long as this, in seconds, has told how loud what chatters is.
 TELLING_S = 0.5
 # How many times the usual power it is still; and which share of that in the alarm.
@@ -42,6 +44,7 @@ class Loudness:
     def __init__(self, interval_s: float) -> None:
         self.usual = 0.0
         self._calm = deque[float](maxlen=round(USUAL_S / interval_s))  # of this cut
+        self._last = deque[float](maxlen=AT_ONCE)
         self._least, self._telling = round(LEAST_S / interval_s), round(TELLING_S / interval_s)
         self._enough = round(SUSPECTED_S / interval_s)
         self._now: float | None = None
@@ -77,6 +80,9 @@ class Loudness:
         bool
             Whether it is an alarm for its loudness.
         """
+        if self._last and power > LEAP * max(self._last):
+            self._calm.clear()
+        self._last.append(power)
         self._now = power if self._now is None else self._now + AVERAGING * (power - self._now)
         loud = self.rise > LOUD and len(self._calm) >= self._least
         self._suspected = self._suspected + 1 if suspected and loud else 0

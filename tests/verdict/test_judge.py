@@ -338,7 +338,8 @@ def test_what_is_suspected_is_an_alarm_when_the_cut_gets_loud():
     doubtful = growing(on_order=True, share=0.5)
     same = judged(*[CALM] * 40, *[evidence(doubtful, orders=SPINDLE)] * 20)
     assert {verdict.state for verdict in same[-5:]} == {"approaching"}
-    loud = judged(*[CALM] * 40, *[evidence(doubtful, orders=SPINDLE, rms=6.0)] * 20)[-1]
+    growth = [evidence(doubtful, orders=SPINDLE, rms=rms) for rms in (1.5, 3.0, *[6.0] * 20)]
+    loud = judged(*[CALM] * 40, *growth)[-1]
     assert (loud.state, loud.frequency_hz) == ("self_excited", HZ)
     assert loud.reasons == [f"the vibration at {HZ:.0f} Hz has risen, and the cut is 15 dB louder than before"]
 

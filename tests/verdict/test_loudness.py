@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from chatter_monitor.verdict.loudness import (
+    LEAP,
     LEAST_S,
     LOUD,
     STILL_LOUD,
@@ -83,12 +84,18 @@ def test_usual_is_what_was_calm_in_the_last_seconds():
 def test_what_is_suspected_is_an_alarm_when_it_gets_loud():
     """Within a quarter of a second, and for as long as it is loud; not where nothing is suspected."""
     suspicious = {"suspected": True, "calm": False}
-    assert hear(after(alarm=0), 1e3, ENOUGH - 1, **suspicious) == 0
-    loudness = after(alarm=0)
+
+    def grown():
+        loudness = after(alarm=0)
+        hear(loudness, 0.9 * LEAP, 2, calm=False)
+        return loudness
+
+    assert hear(grown(), 1e2, ENOUGH - 1, **suspicious) == 0
+    loudness = grown()
     assert hear(loudness, CHATTER, 40 + ENOUGH, **suspicious) >= 35
     assert hear(loudness, CHATTER, 40) == 40
-    assert hear(after(alarm=0), CHATTER, 40) == 0
-    assert hear(after(alarm=0), 0.9 * LOUD, 40, **suspicious) == 0
+    assert hear(grown(), CHATTER, 40) == 0
+    assert hear(grown(), 0.9 * LOUD, 40, **suspicious) == 0
 
 
 def test_a_cut_that_begins_loud_is_only_another_cut():
@@ -96,3 +103,8 @@ def test_a_cut_that_begins_loud_is_only_another_cut():
     loudness = after(alarm=0)
     loudness.rest()
     assert hear(loudness, CHATTER, 40, suspected=True, calm=False) == 0
+
+
+def test_what_is_loud_at_once_has_not_grown():
+    """A tool that enters out of a room in which nothing else was heard to change is no chatter, however suspicious."""
+    assert hear(after(alarm=0), 1.1 * LEAP, 40, suspected=True, calm=False) == 0
