@@ -12,9 +12,9 @@ from chatter_monitor.kernels.vibrations import NO_LINE, SUSPECT_SHARE, follow_al
 
 NONE = -1
 
-# What may be on its way to chatter is louder by so much than it has been for seconds (natural logarithm), as coherent
-# as a mode of so much damping, and at a place with at least such log odds.
-RISES, NARROW, MAYBE_OFF = 0.6, 0.006, -1.0
+# What may be on its way to chatter is louder by so much than it has been for seconds (natural logarithm), coherent as
+# a mode of so much damping, and with at least such a probability nothing that turns explains it.
+RISES, NARROW, MAYBE = 0.6, 0.006, 0.35
 
 
 class Overview(NamedTuple):
@@ -79,10 +79,9 @@ def overview(vibrations, lines):
 
 @njit(**OPTIONS)
 def _rises(vibration, line):
-    """Whether it has got louder, is narrow, and may be off all that turns."""
-    free = vibration.order_odds > MAYBE_OFF and vibration.glided == 0
+    """Whether it has got louder, is narrow, and nothing that turns may explain it."""
     narrow = coherence_damping(line.coherence, line.frequency_hz) < NARROW
-    return free and narrow and vibration.rise > RISES
+    return narrow and vibration.rise > RISES and vibration.unexplained > MAYBE
 
 
 @njit(**OPTIONS)

@@ -106,7 +106,7 @@ class Told:
 
     @property
     def riser(self) -> Followed | None:
-        """That which has got louder, narrow and off the orders as far as is known."""
+        """That which takes most of what has got louder and may be on its way to chatter."""
         return self._followed(self.overview.riser)
 
     @property
