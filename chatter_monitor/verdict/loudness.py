@@ -44,6 +44,7 @@ class Loudness:
     def __init__(self, interval_s: float) -> None:
         self.usual = 0.0
         self._calm = deque[float](maxlen=round(USUAL_S / interval_s))  # of this cut
+        self._since = 0  # how many of them, the newest, came since a leap
         self._last = deque[float](maxlen=AT_ONCE)
         self._least, self._telling = round(LEAST_S / interval_s), round(TELLING_S / interval_s)
         self._enough = round(SUSPECTED_S / interval_s)
@@ -59,6 +60,7 @@ class Loudness:
     def rest(self) -> None:
         """Nothing is cut, or a cut begins."""
         self._calm.clear()
+        self._since = 0
         self.forget()
 
     def forget(self) -> None:
@@ -81,11 +83,10 @@ class Loudness:
             Whether it is an alarm for its loudness.
         """
         if self._last and power > LEAP * max(self._last):
-            self._calm.clear()
+            self._since = 0
         self._last.append(power)
         self._now = power if self._now is None else self._now + AVERAGING * (power - self._now)
-        loud = self.rise > LOUD and len(self._calm) >= self._least
-        self._suspected = self._suspected + 1 if suspected and loud else 0
+        self._suspected = self._suspected + 1 if suspected and self._has_grown() else 0
         begins = self._suspected >= self._enough
         if alarm or begins:
             self._alarmed += 1
@@ -97,6 +98,13 @@ class Loudness:
         self._alarmed = 0
         if calm:
             self._calm.append(power)
+            self._since += 1
             if len(self._calm) >= self._least:
                 self.usual = statistics.median(self._calm)
         return False
+
+    def _has_grown(self) -> bool:
+        """Whether it is loud against what this cut was since it leapt."""
+        if self._since < self._least or self._now is None:
+            return False
+        return self._now > LOUD * statistics.median(list(self._calm)[-self._since :])

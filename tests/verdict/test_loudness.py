@@ -108,3 +108,11 @@ def test_a_cut_that_begins_loud_is_only_another_cut():
 def test_what_is_loud_at_once_has_not_grown():
     """A tool that enters out of a room in which nothing else was heard to change is no chatter, however suspicious."""
     assert hear(after(alarm=0), 1.1 * LEAP, 40, suspected=True, calm=False) == 0
+
+
+def test_an_alarm_in_what_is_loud_at_once_goes_on():
+    """What its line has told is compared with the room before the leap: chatter that came with the tool is no calm."""
+    loudness = after(calm=2 * LEAST, alarm=0)
+    hear(loudness, 2.0 * LEAP, LEAST)  # not suspicious yet
+    assert hear(loudness, 2.0 * LEAP, TELLING, alarm=True) == 0
+    assert hear(loudness, 2.0 * LEAP, 400, calm=False) == 400
