@@ -7,10 +7,11 @@ the tool is taken to be in the cut: who does not know misses nothing. When the r
 in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters. So is what
 begins where nothing but noise was heard, no line and nothing that turns, if it lifts the noise at once as well: a
 vibration that grows by itself comes before the noise that it makes. So is what is there at once, noise or not, where
-lines were faint and nothing repeated: growth takes time, and where teeth are heard the tool is in the cut. What falls
-while most of what is heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on.
-Until there is enough of that to compare with, the tool has left when all of the signal falls, comb and all, between the
-lines, too, and nothing repeats any more.
+lines were faint and nothing repeated: growth takes time, and where teeth are heard the tool is in the cut. Lines that
+stay as they were while all else gets louder are a pump's and count as silence. What falls while most of what is
+heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on. Until there is enough of
+that to compare with, the tool has left when all of the signal falls, comb and all, between the lines, too, and nothing
+repeats any more.
 """
 
 import math
@@ -54,7 +55,7 @@ def new_air():
 
 
 @njit(**OPTIONS)
-def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, head, air, scratch):
+def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, unmoved, head, air, scratch):
     """Whether the tool is in the cut and has been for a moment.
 
     Parameters
@@ -71,6 +72,8 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, head, air
         Whether it has got fainter though most of what is heard goes on, or is taken out of it from now on.
     leapt : bool
         Whether the whole became louder at once (`has_leapt`).
+    unmoved : bool
+        Whether no line has a part in that it got louder (`are_unmoved`).
     head : int
         Column after the newest, counted from the start without wrapping.
     air : ndarray of float64, shape (8,)
@@ -103,8 +106,9 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, head, air
             out = rose and power_before <= air[CUT] - FALL
             if louder and not out:
                 crest = _before(crests, head, air[ALIKE], scratch)
-                out = rose and crest < NOISE
-                out |= leapt and crest < FAINT and _before(repeating, head, air[ALIKE], scratch) < TEETH
+                pump = unmoved and crest < math.inf
+                out = rose and (crest < NOISE or pump)
+                out |= leapt and (crest < FAINT or pump) and _before(repeating, head, air[ALIKE], scratch) < TEETH
     elif repeating[newest] < TEETH and _fallen(levels, head, scratch) and _fallen(wholes, head, scratch):
         out = True
         air[LEVEL], air[CUT], air[ALONE] = level, _before(powers, head, head, scratch), 0.0
@@ -145,6 +149,34 @@ def has_leapt(spectra, valid, taken, hops, lowest, powers, head):
         if calm and _whole(spectra, column, lowest) >= before + LEAP:
             return True
     return False
+
+
+@njit(**OPTIONS)
+def are_unmoved(reliefs, powers, totals, lowest, head):
+    """Whether the whole has got louder, but no line that stood out before: a pump minds no tool.
+
+    Parameters
+    ----------
+    reliefs, powers : ndarray, shape (bins, frames)
+        Rings of prominences and of logarithms of the power; bins count from ``lowest`` on.
+    totals : ndarray, shape (frames,)
+        Ring: logarithm of the whole power.
+    lowest, head : int
+        As of `has_leapt`.
+    """
+    if head < FALLING + 2:
+        return False
+    now, then = (head - 1) % totals.shape[0], (head - 1 - FALLING) % totals.shape[0]
+    if totals[now] - totals[then] < FALL:
+        return False
+    found = False
+    for b in range(lowest + 1, reliefs.shape[0] - 1):
+        if reliefs[b, then] >= max(FAINT, reliefs[b - 1, then], reliefs[b + 1, then]):
+            before = max(powers[b - 1, then], powers[b, then], powers[b + 1, then])
+            if abs(max(powers[b - 1, now], powers[b, now], powers[b + 1, now]) - before) > STILL:
+                return False
+            found = True
+    return found
 
 
 @njit(**WITHIN)

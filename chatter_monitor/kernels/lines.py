@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.binding import bound
-from chatter_monitor.kernels.engagement import SINCE, engaged, fell, has_leapt, new_air
+from chatter_monitor.kernels.engagement import SINCE, are_unmoved, engaged, fell, has_leapt, new_air
 from chatter_monitor.kernels.lanes import as_lanes
 from chatter_monitor.kernels.narrowband import FRAME_HOPS, PARTS, beat, behaviour, put_in_order, variation_beside
 from chatter_monitor.kernels.options import OPTIONS
@@ -231,11 +231,12 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measure
     state.repeating[column] = repeating
     state.crests[column] = math.inf if turns or count == 0 else relief[peaks[0]]
     leapt = has_leapt(spectra, state.valid, counts[TAKEN], FRAME_HOPS, lowest, state.totals, counts[FRAMES])
-    heard = state.levels, state.totals, state.wholes, state.crests, state.repeating
-    state.cutting[column] = engaged(*heard, fainter, leapt, counts[FRAMES], state.air, state.scratch)
     for b in range(relief.shape[0]):
         reliefs[b, column] = relief[b]
         state.powers[b, column] = state.sums[b + 1] - state.sums[b]
+    unmoved = are_unmoved(reliefs, state.powers, state.totals, lowest, counts[FRAMES])
+    heard = state.levels, state.totals, state.wholes, state.crests, state.repeating
+    state.cutting[column] = engaged(*heard, fainter, leapt, unmoved, counts[FRAMES], state.air, state.scratch)
     counts[FALLEN] = counts[FALLEN] + 1 if fell(state.totals, counts[FRAMES], state.air, state.scratch) else 0
     known = min(frames, counts[ALIKE])
     since = state.air[SINCE]

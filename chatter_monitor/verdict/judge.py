@@ -6,6 +6,7 @@ What each vibration is, is followed by `verdict.vibrations`; what an interval is
 
 from __future__ import annotations
 
+from chatter_monitor.kernels.kinds import LOUDER
 from chatter_monitor.kernels.vibrations import Rules
 from chatter_monitor.records import Flag, Verdict
 from chatter_monitor.tracking.margin import FRAMES_TO_RENEW, Margin
@@ -119,6 +120,8 @@ class Judge:
         if not alarm and (found or (chattered is not None and chattered.glided)):  # what turns explains it, or may
             self._loudness.forget()
         suspect = told.suspect if told.overview.heard_suspicion >= SUSPECTED else None
+        if suspect is None or suspect.heard is None or suspect.heard.line.absolute_rise < LOUDER:
+            suspect = None  # what is no louder than for seconds is not what makes the cut loud
         calm = told.overview.suspicion < self._settings.warning_probability
         loud = self._loudness.hear(evidence.power, alarm=alarm, suspected=suspect is not None, calm=calm)
         if alarm or not loud:

@@ -13,10 +13,11 @@ LOUD = 10.0  # how much more the whole power of a cut is than its level
 STANDS_OUT, NOISE = 20.0, 6.0  # how far the most prominent line stands out of a cut, and of noise
 
 
-def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), repeating=0.0, with_comb=()):
+def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), unmoved=(), repeating=0.0, with_comb=()):
     """Whether the tool is in the cut, frame by frame, for stretches of (frames, level, power, crest) in dB.
 
-    In the frames ``fainter`` most of what is heard goes on, fainter; in the frames ``leapt`` all became louder at once.
+    In the frames ``fainter`` most of what is heard goes on, fainter; in the frames ``leapt`` all became louder at once,
+    in the frames ``unmoved`` it did and the lines did not.
     So much of the power repeats, and so loud is the whole with what turns.
     """
     rng = np.random.default_rng(seed)
@@ -34,7 +35,7 @@ def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), repeating=0.0, w
             head = len(result) + 1
             cutting[column] = engagement.engaged(
                 *(levels, powers, wholes, crests, repeats),
-                *(len(result) in fainter, len(result) in leapt),
+                *(len(result) in fainter, len(result) in leapt, len(result) in unmoved),
                 *(head, air, np.zeros(columns)),
             )
             result.append(bool(cutting[column]))
@@ -190,6 +191,27 @@ def test_what_leaps_out_of_faint_lines_is_a_tool_that_enters(crest, repeating, e
     after = told(room(60, crest=crest), leaps, leapt=(60, 61), repeating=repeating)[60:]
     assert all(after) is not enters
     assert all(after[9:])
+
+
+def test_what_begins_beside_a_pump_is_a_tool_that_enters():
+    """Slowly or at once: a line that has no part in what got louder is no cut's. What turns is, whatever it does."""
+    slow, at_once = (told(room(60), cut(60), unmoved=range(60, 65), leapt=leapt)[60:] for leapt in ((), (60, 61)))
+    for after in (slow, at_once):
+        assert not any(after[1:3])
+        assert all(after[9:])
+    assert all(told(room(60, crest=np.inf), cut(60), unmoved=range(60, 65)))
+
+
+@pytest.mark.parametrize(
+    ("tone", "rise", "unmoved"), [(20.0, 10.0, True), (20.0, 6.0, False), (22.0, 10.0, False), (0.0, 10.0, False)]
+)
+def test_a_pump_minds_no_tool(tone, rise, unmoved):
+    """All has got louder by 8 dB or more, and the line that stood out is as loud as before; there has to be one."""
+    reliefs, powers, totals = np.zeros((50, 9)), np.zeros((50, 9)), np.zeros(9)
+    reliefs[20], powers[20] = DECIBEL * (20.0 if tone else 3.0), DECIBEL * 20.0
+    powers[20, 8:], totals[8:] = DECIBEL * tone, DECIBEL * rise
+    assert not engagement.are_unmoved(reliefs, powers, totals, 2, 8)
+    assert engagement.are_unmoved(reliefs, powers, totals, 2, 9) is unmoved
 
 
 def spectra(*decibels):
