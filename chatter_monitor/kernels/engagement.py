@@ -8,9 +8,9 @@ in the cut, too; but what begins at once where all was fainter than the cut befo
 begins where nothing but noise was heard, no line and nothing that turns, if it lifts the noise at once as well: a
 vibration that grows by itself comes before the noise that it makes. So is what is there at once, noise or not, where
 lines were faint and nothing repeated: growth takes time, and where teeth are heard the tool is in the cut. Lines that
-stay as they were while all else gets louder are a pump's and count as silence. What falls while most of what is
-heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on. Until there is enough of
-that to compare with, the tool has left when all of the signal falls, comb and all, between the lines, too, and nothing
+stay as they were while all else gets louder are a pump's and count as silence. What falls while most of what is heard
+goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on. Until there is enough of that
+to compare with, the tool has left when all of the signal falls, comb and all, between the lines, too, and nothing
 repeats any more.
 """
 
