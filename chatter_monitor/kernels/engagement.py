@@ -21,7 +21,7 @@ from numba import njit
 
 from chatter_monitor.kernels.median import median
 from chatter_monitor.kernels.options import OPTIONS, WITHIN
-from chatter_monitor.kernels.prominence import TINY
+from chatter_monitor.kernels.prominence import LOBE, TINY
 
 DECIBEL = math.log(10.0) / 10.0
 # The level falls by so much when the tool leaves the cut; the whole signal does, too, or is a tone that goes on.
@@ -55,7 +55,7 @@ def new_air():
 
 
 @njit(**OPTIONS)
-def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, unmoved, head, air, scratch):
+def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, head, air, scratch):
     """Whether the tool is in the cut and has been for a moment.
 
     Parameters
@@ -72,8 +72,8 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, unmoved, 
         Whether it has got fainter though most of what is heard goes on, or is taken out of it from now on.
     leapt : bool
         Whether the whole became louder at once (`has_leapt`).
-    unmoved : bool
-        Whether no line has a part in that it got louder (`are_unmoved`).
+    beside : tuple of float
+        By how much all has got louder beside a pump, and how far a line of it stands out (`louder_beside_pump`).
     head : int
         Column after the newest, counted from the start without wrapping.
     air : ndarray of float64, shape (8,)
@@ -102,12 +102,14 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, unmoved, 
             air[ALONE] = not fell_between
         elif air[ENTERED] >= LONGEST:
             louder = power - powers[then] >= FALL
-            rose = louder and level - levels[then] >= max(NEAR, LONE * crests[newest])
+            rise, (louder_beside, crest_beside) = level - levels[then], beside
+            pump = louder_beside >= FALL
+            rose = louder and rise >= max(NEAR, LONE * crests[newest])
             out = rose and power_before <= air[CUT] - FALL
-            if louder and not out:
+            if (louder or pump) and not out:
                 crest = _before(crests, head, air[ALIKE], scratch)
-                pump = unmoved and crest < math.inf
-                out = rose and (crest < NOISE or pump)
+                pump &= crest < math.inf
+                out = (rose and crest < NOISE) or (pump and rise >= max(NEAR, LONE * crest_beside))
                 out |= leapt and (crest < FAINT or pump) and _before(repeating, head, air[ALIKE], scratch) < TEETH
     elif repeating[newest] < TEETH and _fallen(levels, head, scratch) and _fallen(wholes, head, scratch):
         out = True
@@ -152,31 +154,59 @@ def has_leapt(spectra, valid, taken, hops, lowest, powers, head):
 
 
 @njit(**OPTIONS)
-def are_unmoved(reliefs, powers, totals, lowest, head):
-    """Whether the whole has got louder, but no line that stood out before: a pump minds no tool.
+def louder_beside_pump(reliefs, powers, levels, lowest, head):
+    """By how much all but the lines has got louder, and how far its highest line stands out by now.
+
+    Nothing where a line that stood out is not as loud as it was, or none did, or the noise between them has not risen.
 
     Parameters
     ----------
     reliefs, powers : ndarray, shape (bins, frames)
         Rings of prominences and of logarithms of the power; bins count from ``lowest`` on.
-    totals : ndarray, shape (frames,)
-        Ring: logarithm of the whole power.
-    lowest, head : int
+    levels
+        As of `engaged`.
+    lowest, head
         As of `has_leapt`.
+
+    Returns
+    -------
+    tuple of float
+        Both natural logarithms of the power.
     """
     if head < FALLING + 2:
-        return False
-    now, then = (head - 1) % totals.shape[0], (head - 1 - FALLING) % totals.shape[0]
-    if totals[now] - totals[then] < FALL:
-        return False
+        return 0.0, 0.0
+    now, then = (head - 1) % levels.shape[0], (head - 1 - FALLING) % levels.shape[0]
+    if levels[now] - levels[then] < NEAR or not _go_on(reliefs[:, then], powers[:, then], powers[:, now], lowest):
+        return 0.0, 0.0
+    after = before = TINY
+    crest = 0.0
+    for b in range(lowest, reliefs.shape[0]):
+        if _highest(reliefs[:, then], max(lowest, b - LOBE), b + LOBE) < FAINT:
+            after += math.exp(powers[b, now])
+            before += math.exp(powers[b, then])
+            crest = max(crest, reliefs[b, now])
+    return math.log(after / before), crest
+
+
+@njit(**OPTIONS)
+def _go_on(relief, before, after, lowest):
+    """Whether lines stood out, and each of them is as loud as before."""
     found = False
-    for b in range(lowest + 1, reliefs.shape[0] - 1):
-        if reliefs[b, then] >= max(FAINT, reliefs[b - 1, then], reliefs[b + 1, then]):
-            before = max(powers[b - 1, then], powers[b, then], powers[b + 1, then])
-            if abs(max(powers[b - 1, now], powers[b, now], powers[b + 1, now]) - before) > STILL:
+    for b in range(lowest + 1, relief.shape[0] - 1):
+        if relief[b] >= max(FAINT, relief[b - 1], relief[b + 1]):
+            if abs(_highest(after, b - 1, b + 1) - _highest(before, b - 1, b + 1)) > STILL:
                 return False
             found = True
     return found
+
+
+@njit(**OPTIONS)
+def _highest(values, first, last):
+    """The largest of some bins."""
+    highest = -math.inf
+    for b in range(first, min(last + 1, values.shape[0])):
+        highest = max(highest, values[b])
+    return highest
 
 
 @njit(**WITHIN)

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.binding import bound
-from chatter_monitor.kernels.engagement import SINCE, are_unmoved, engaged, fell, has_leapt, new_air
+from chatter_monitor.kernels.engagement import SINCE, engaged, fell, has_leapt, louder_beside_pump, new_air
 from chatter_monitor.kernels.lanes import as_lanes
 from chatter_monitor.kernels.narrowband import FRAME_HOPS, PARTS, beat, behaviour, put_in_order, variation_beside
 from chatter_monitor.kernels.options import OPTIONS
@@ -234,9 +234,9 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measure
     for b in range(relief.shape[0]):
         reliefs[b, column] = relief[b]
         state.powers[b, column] = state.sums[b + 1] - state.sums[b]
-    unmoved = are_unmoved(reliefs, state.powers, state.totals, lowest, counts[FRAMES])
+    beside = louder_beside_pump(reliefs, state.powers, state.levels, lowest, counts[FRAMES])
     heard = state.levels, state.totals, state.wholes, state.crests, state.repeating
-    state.cutting[column] = engaged(*heard, fainter, leapt, unmoved, counts[FRAMES], state.air, state.scratch)
+    state.cutting[column] = engaged(*heard, fainter, leapt, beside, counts[FRAMES], state.air, state.scratch)
     counts[FALLEN] = counts[FALLEN] + 1 if fell(state.totals, counts[FRAMES], state.air, state.scratch) else 0
     known = min(frames, counts[ALIKE])
     since = state.air[SINCE]

@@ -11,13 +11,14 @@ from chatter_monitor.kernels.engagement import DECIBEL
 CUT, AIR = -20.0, -40.0  # dB
 LOUD = 10.0  # how much more the whole power of a cut is than its level
 STANDS_OUT, NOISE = 20.0, 6.0  # how far the most prominent line stands out of a cut, and of noise
+BESIDE = 10.0 * DECIBEL, 20.0 * DECIBEL  # by how much a cut is louder than the room beside a pump, and its line
 
 
-def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), unmoved=(), repeating=0.0, with_comb=()):
+def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), pump=(), repeating=0.0, with_comb=()):
     """Whether the tool is in the cut, frame by frame, for stretches of (frames, level, power, crest) in dB.
 
     In the frames ``fainter`` most of what is heard goes on, fainter; in the frames ``leapt`` all became louder at once,
-    in the frames ``unmoved`` it did and the lines did not.
+    in the frames ``pump`` it did, but for the lines that were there.
     So much of the power repeats, and so loud is the whole with what turns.
     """
     rng = np.random.default_rng(seed)
@@ -35,7 +36,7 @@ def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), unmoved=(), repe
             head = len(result) + 1
             cutting[column] = engagement.engaged(
                 *(levels, powers, wholes, crests, repeats),
-                *(len(result) in fainter, len(result) in leapt, len(result) in unmoved),
+                *(len(result) in fainter, len(result) in leapt, BESIDE if len(result) in pump else (0.0, 0.0)),
                 *(head, air, np.zeros(columns)),
             )
             result.append(bool(cutting[column]))
@@ -194,24 +195,37 @@ def test_what_leaps_out_of_faint_lines_is_a_tool_that_enters(crest, repeating, e
 
 
 def test_what_begins_beside_a_pump_is_a_tool_that_enters():
-    """Slowly or at once: a line that has no part in what got louder is no cut's. What turns is, whatever it does."""
-    slow, at_once = (told(room(60), cut(60), unmoved=range(60, 65), leapt=leapt)[60:] for leapt in ((), (60, 61)))
-    for after in (slow, at_once):
+    """Slowly or at once, louder than the pump or not; but not where something turns, nor for a line without noise."""
+    slow, at_once = (told(room(60), cut(60), pump=range(60, 65), leapt=leapt)[60:] for leapt in ((), (60, 61)))
+    hum = CUT + LOUD + 10.0
+    drowned = told(room(60, tone=hum), (60, CUT, hum, STANDS_OUT), pump=range(60, 65))[60:]
+    for after in (slow, at_once, drowned):
         assert not any(after[1:3])
         assert all(after[9:])
-    assert all(told(room(60, crest=np.inf), cut(60), unmoved=range(60, 65)))
+    assert all(told(room(60, crest=np.inf), cut(60), pump=range(60, 65)))
+    assert all(told(room(60), cut(60, AIR + 2.0), pump=range(60, 65)))
 
 
 @pytest.mark.parametrize(
-    ("tone", "rise", "unmoved"), [(20.0, 10.0, True), (20.0, 6.0, False), (22.0, 10.0, False), (0.0, 10.0, False)]
+    ("tone", "rise", "louder", "crest"),
+    [
+        (40.0, 10.0, 10.0, 20.0),  # decibels
+        (40.0, 3.0, 0.0, 0.0),  # of the noise too little
+        (42.0, 10.0, 0.0, 0.0),  # the line is louder, too
+        (38.0, 10.0, 0.0, 0.0),
+        (0.0, 10.0, 0.0, 0.0),  # there is none
+    ],
 )
-def test_a_pump_minds_no_tool(tone, rise, unmoved):
-    """All has got louder by 8 dB or more, and the line that stood out is as loud as before; there has to be one."""
-    reliefs, powers, totals = np.zeros((50, 9)), np.zeros((50, 9)), np.zeros(9)
-    reliefs[20], powers[20] = DECIBEL * (20.0 if tone else 3.0), DECIBEL * 20.0
-    powers[20, 8:], totals[8:] = DECIBEL * tone, DECIBEL * rise
-    assert not engagement.are_unmoved(reliefs, powers, totals, 2, 8)
-    assert engagement.are_unmoved(reliefs, powers, totals, 2, 9) is unmoved
+def test_a_pump_minds_no_tool(tone, rise, louder, crest):
+    """The line that stood out is as loud as before, the rest is louder, and has a line, too."""
+    reliefs, powers, levels = np.zeros((50, 9)), np.zeros((50, 9)), np.zeros(9)
+    if tone:
+        reliefs[20], powers[20] = DECIBEL * 40.0, DECIBEL * 40.0
+    powers[:, 8], levels[8], powers[20, 8] = DECIBEL * rise, DECIBEL * rise, DECIBEL * tone
+    reliefs[35, 8] = DECIBEL * 20.0
+    assert engagement.louder_beside_pump(reliefs, powers, levels, 2, 8) == (0.0, 0.0)
+    told = engagement.louder_beside_pump(reliefs, powers, levels, 2, 9)
+    assert told == pytest.approx((DECIBEL * louder, DECIBEL * crest))
 
 
 def spectra(*decibels):

@@ -167,14 +167,15 @@ def test_the_first_entry_out_of_noise_is_heard_unless_something_turned(turns):
     assert all(cutting[40:])
 
 
+@pytest.mark.parametrize("hum", [0.3, 3.0])
 @pytest.mark.parametrize("enters", [True, False])
-def test_a_tool_enters_a_room_in_which_a_pump_hums(enters):
+def test_a_tool_enters_a_room_in_which_a_pump_hums(enters, hum):
     """The pump goes on as it was, the noise rises: a cut begins. A mode that grows beside it lifts no noise so much."""
     t = times(3.0)
     grown = 3.0 * np.exp(np.minimum(t - 1.7, 0.0) * 60.0) * np.sin(2 * np.pi * 700.0 * t)
     ramp = np.clip((t - 1.5) / 0.1, 0.0, 1.0)
     cut = ramp * (vibration(len(t), [(900.0, 0.02)]) + noise(len(t), 0.3, seed=2)) if enters else grown
-    pump = 0.3 * np.sin(2 * np.pi * 2485.0 * t) + noise(len(t), 0.03)
+    pump = hum * np.sin(2 * np.pi * 2485.0 * t) + noise(len(t), 0.03)
     spectrum, entering = Spectrum(RATE_HZ, INTERVAL), []
     for first in range(0, len(t), INTERVAL):
         spectrum.take((pump + cut)[first : first + INTERVAL])
