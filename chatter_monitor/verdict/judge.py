@@ -15,7 +15,7 @@ from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, spindle_ord
 from chatter_monitor.verdict.loudness import Loudness
 from chatter_monitor.verdict.opinion import Memory, Opinion, entering, is_undamped, opinion, stands_for
 from chatter_monitor.verdict.settings import JudgeSettings
-from chatter_monitor.verdict.vibrations import Following, Told, repeating_share, steady_share
+from chatter_monitor.verdict.vibrations import Followed, Following, Told, repeating_share, steady_share
 
 # States in which a cut has no margin: none is made, nothing is known, or there is nothing left of it.
 WITHOUT_MARGIN = ("idle", "unknown", "self_excited")
@@ -119,9 +119,7 @@ class Judge:
         found = evidence.orders.source == "found" and not memory.found
         if not alarm and (found or (chattered is not None and chattered.glided)):  # what turns explains it, or may
             self._loudness.forget()
-        suspect = told.suspect if told.overview.heard_suspicion >= SUSPECTED else None
-        if suspect is None or suspect.heard is None or suspect.heard.line.absolute_rise < LOUDER:
-            suspect = None  # what is no louder than for seconds is not what makes the cut loud
+        suspect = _grown_suspect(told)
         calm = told.overview.suspicion < self._settings.warning_probability
         loud = self._loudness.hear(evidence.power, alarm=alarm, suspected=suspect is not None, calm=calm)
         if alarm or not loud:
@@ -163,6 +161,13 @@ class Judge:
             reasons=[*view.reasons, reasons.DOUBTED] if doubted else list(view.reasons),
             flags=evidence.flags.names(),
         )
+
+
+def _grown_suspect(told: Told) -> Followed | None:
+    """What may well be chatter and has got louder itself: another line is not why the cut is loud."""
+    suspect = told.suspect if told.overview.heard_suspicion >= SUSPECTED else None
+    grown = suspect is not None and suspect.heard is not None and suspect.heard.line.absolute_rise >= LOUDER
+    return suspect if grown else None
 
 
 def _quiet(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> str | None:
