@@ -46,6 +46,10 @@ DIED_DOWN = -0.7
 SUSPECT_SHARE = 0.2
 # An overtone of what chatters is this near to a multiple of it, relatively.
 OVERTONE, OVERTONES = 0.01, (2, 3)
+# Where no comb is known a line may be a multiple, up to so many times, of one that is steady for certain: if that would
+# be within so much (Hz) of the steady one, it is forced as well, unless chance would have it there as soon.
+MULTIPLES, MULTIPLE_HZ, SURELY_STEADY = 8, 1.5, 0.9
+FORCED_AT_MULTIPLES, BY_CHANCE = 0.75, 0.1
 # Of a vibration that has chattered and does no more.
 CALMED = Kinds(noise=1.0 - 6e-4, growing=2e-4, saturated=2e-4, steady=2e-4)
 # Log odds by its place, averaged, of what is off the orders for more than a moment, where these are told apart.
@@ -161,8 +165,11 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
         if vibration.line == NO_LINE:
             _unheard(vibration, rules)
         else:
-            overtone = _is_overtone(lines[vibration.line], vibrations[:known])
-            _heard(vibration, lines[vibration.line], overtone, rules, weights)
+            line = lines[vibration.line]
+            if line.order_odds == rules.odds.unknown_speed:
+                line.order_odds = min(line.order_odds, _multiple_odds(line.frequency_hz, vibrations[:known]))
+            overtone = _is_overtone(line, vibrations[:known])
+            _heard(vibration, line, overtone, rules, weights)
         if vibration.missed < FORGOTTEN or vibration.chattered:
             count += 1
     for i in range(lines.shape[0]):
@@ -268,6 +275,26 @@ def _is_overtone(line, vibrations):
                 if abs(line.frequency_hz / (times * other.frequency_hz) - 1.0) < OVERTONE:
                     return True
     return False
+
+
+@njit(**OPTIONS)
+def _multiple_odds(frequency_hz, vibrations):
+    """Log odds for self-excitation of what is at this frequency, by the steady vibrations it is a multiple of.
+
+    Teeth that pass faster than a spindle turns make no comb that is looked for without a speed: lines with overtones
+    may be one vibration's, too. But what is steady is none.
+    """
+    odds = math.inf
+    for i in range(vibrations.shape[0]):
+        other = vibrations[i]
+        if other.line == NO_LINE or other.chattered or other.steady < SURELY_STEADY:
+            continue
+        times = math.floor(frequency_hz / other.frequency_hz + 0.5)
+        chance = 2.0 * times * MULTIPLE_HZ / other.frequency_hz
+        near = abs(frequency_hz / times - other.frequency_hz) < MULTIPLE_HZ if times > 1 else False
+        if near and times <= MULTIPLES and chance < BY_CHANCE:
+            odds = min(odds, math.log(chance / FORCED_AT_MULTIPLES))
+    return odds
 
 
 @njit(**OPTIONS)

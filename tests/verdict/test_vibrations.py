@@ -316,6 +316,32 @@ def test_of_an_overtone_what_chatters_has_the_rest_of_the_power(root_hz, place, 
     assert (after["alarm_for"][after["frequency_hz"] == 475.0] > 0).tolist() == [alarm]
 
 
+@pytest.mark.parametrize(
+    ("steady_hz", "steady", "chattered", "place", "alarm"),
+    [
+        (950.0 / 3.0, 1.0, False, -0.6, False),
+        (321.0, 1.0, False, -0.6, True),  # it is no multiple
+        (950.0 / 3.0, 0.5, False, -0.6, True),  # of nothing that is steady for certain
+        (950.0 / 3.0, 1.0, True, -0.6, True),  # of chatter
+        (950.0 / 3.0, 1.0, False, 0.0, True),  # its place among the orders is known
+        (950.0 / 30.0, 1.0, False, -0.6, True),  # as likely by chance
+    ],
+)
+def test_a_multiple_of_what_is_steady_is_forced_where_no_comb_is_known(steady_hz, steady, chattered, place, alarm):
+    """Teeth that pass faster than any spindle turns: a resonance of their third multiple is no chatter."""
+    both = [interval(hertz).vibrations[0] for hertz in (950.0, steady_hz)]
+    known = np.zeros(2, VIBRATION)
+    known["frequency_hz"], known["power"], known["dominance"] = [950.0, steady_hz], 1.0, [0.9, 0.05]
+    known["saturated"], known["steady"] = [1.0, 1.0 - steady], [0.0, steady]
+    known["order_odds"], known["chattered"] = -0.6, [False, chattered]
+    for _ in range(20):
+        lines = lines_of(interval(950.0)._replace(vibrations=heard(*both)), Odds())
+        lines["dominance"], lines["order_odds"], lines["power"] = [0.9, 0.05], [place, -0.6], 1.0
+        lines["long_rise"], lines["absolute_rise"], lines["variation"] = [3.0, 0.0], [3.0, 0.0], [0.7, 0.0]
+        known = followed(known, lines)
+    assert (known["alarm_for"][known["frequency_hz"] == 950.0] > 0).tolist() == [alarm]
+
+
 @pytest.mark.parametrize(("off", "arrives"), [([True], False), ([True, False] * 10, False), ([True] * 20, True)])
 def test_what_is_off_the_orders_for_a_moment_has_not_come_with_the_tool(off, arrives):
     """Where the speed wanders, a steady forced line is off its order now and then."""
