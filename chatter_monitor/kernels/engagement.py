@@ -22,6 +22,7 @@ from numba import njit
 from chatter_monitor.kernels.median import median
 from chatter_monitor.kernels.options import OPTIONS, WITHIN
 from chatter_monitor.kernels.prominence import LOBE, TINY
+from chatter_monitor.kernels.rise import height
 
 DECIBEL = math.log(10.0) / 10.0
 # The level falls by so much when the tool leaves the cut; the whole signal does, too, or is a tone that goes on.
@@ -176,12 +177,12 @@ def louder_beside_pump(reliefs, powers, levels, lowest, head):
     if head < FALLING + 2:
         return 0.0, 0.0
     now, then = (head - 1) % levels.shape[0], (head - 1 - FALLING) % levels.shape[0]
-    if levels[now] - levels[then] < NEAR or not _go_on(reliefs[:, then], powers[:, then], powers[:, now], lowest):
+    if levels[now] - levels[then] < NEAR or not _go_on(reliefs, powers, lowest, then, now):
         return 0.0, 0.0
     after = before = TINY
     crest = 0.0
     for b in range(lowest, reliefs.shape[0]):
-        if _highest(reliefs[:, then], max(lowest, b - LOBE), b + LOBE) < FAINT:
+        if not _is_line(reliefs[:, then], lowest, b):
             after += math.exp(powers[b, now])
             before += math.exp(powers[b, then])
             crest = max(crest, reliefs[b, now])
@@ -189,24 +190,24 @@ def louder_beside_pump(reliefs, powers, levels, lowest, head):
 
 
 @njit(**OPTIONS)
-def _go_on(relief, before, after, lowest):
-    """Whether lines stood out, and each of them is as loud as before."""
+def _go_on(reliefs, powers, lowest, then, now):
+    """Whether lines stood out in a frame, and each of them is as loud in a later one."""
     found = False
-    for b in range(lowest + 1, relief.shape[0] - 1):
-        if relief[b] >= max(FAINT, relief[b - 1], relief[b + 1]):
-            if abs(_highest(after, b - 1, b + 1) - _highest(before, b - 1, b + 1)) > STILL:
+    for b in range(lowest + 1, reliefs.shape[0] - 1):
+        if reliefs[b, then] >= max(FAINT, height(reliefs, b, then)):
+            if abs(height(powers, b, now) - height(powers, b, then)) > STILL:
                 return False
             found = True
     return found
 
 
 @njit(**OPTIONS)
-def _highest(values, first, last):
-    """The largest of some bins."""
-    highest = -math.inf
-    for b in range(first, min(last + 1, values.shape[0])):
-        highest = max(highest, values[b])
-    return highest
+def _is_line(relief, lowest, b):
+    """Whether a bin is within the lobe of a line."""
+    line = False
+    for i in range(max(lowest, b - LOBE), min(relief.shape[0], b + LOBE + 1)):
+        line |= relief[i] >= FAINT
+    return line
 
 
 @njit(**WITHIN)

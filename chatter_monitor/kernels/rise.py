@@ -69,22 +69,22 @@ def rise(heights, columns, here, b, scratch):
     """
     if columns.shape[0] == 0:
         return 0.0
-    height, usual = _newest_and_median(heights, columns, b, scratch)
+    newest, usual = _newest_and_median(heights, columns, b, scratch)
     if here < columns.shape[0]:
         usual = max(usual, _newest_and_median(heights, columns[:here], b, scratch)[1])
-    return 0.5 * (height - usual)
+    return 0.5 * (newest - usual)
 
 
 @njit(**OPTIONS)
 def _newest_and_median(heights, columns, b, scratch):
     """Height of a bin in the newest of some frames, and median over them."""
     for i in range(columns.shape[0]):
-        scratch[i] = _height(heights, b, columns[i])
+        scratch[i] = height(heights, b, columns[i])
     return scratch[0], median_of_many(scratch[: columns.shape[0]])
 
 
 @njit(inline="always", **OPTIONS)
-def _height(heights, b, column):
+def height(heights, b, column):
     """Height of a bin in a frame: what stands out one bin aside is the same line."""
     return max(heights[b - 1, column], heights[b, column], heights[b + 1, column])
 
@@ -106,11 +106,11 @@ def arrival(heights, cutting, since, head, frames, b, scratch):
         for _ in range(int(min(since, known)), known):
             column = before(column, columns)
             if cutting[column] or not cuts_only:
-                scratch[count] = _height(heights, b, column)
+                scratch[count] = height(heights, b, column)
                 count += 1
         if count >= HEARD:
             usual = max(usual, median_of_many(scratch[:count]))
-    return 0.5 * (_height(heights, b, newest) - usual) if usual > -math.inf else 0.0
+    return 0.5 * (height(heights, b, newest) - usual) if usual > -math.inf else 0.0
 
 
 @njit(**OPTIONS)
@@ -131,9 +131,9 @@ def news(heights, cutting, since, head, frames, b, scratch):
         for _ in range(int(since), known):
             column = before(column, columns)
             if cutting[column] == cut and (cut or count < HEARD):
-                scratch[count] = _height(heights, b, column)
+                scratch[count] = height(heights, b, column)
                 count += 1
         if count < HEARD:
             return 0.0
         usual = max(usual, median_of_many(scratch[:count]))
-    return 0.5 * (_height(heights, b, newest) - usual)
+    return 0.5 * (height(heights, b, newest) - usual)

@@ -18,10 +18,14 @@ from chatter_monitor.kernels.lines import (
     VARIATION,
 )
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.vibrations import DIED_DOWN, LINE_WIDTH_HZ
+from chatter_monitor.kernels.vibrations import (
+    DIED_DOWN,
+    FORCED_AT_ROTATION,
+    FORCED_AT_TEETH,
+    FORCED_OFF_ORDERS,
+    LINE_WIDTH_HZ,
+)
 
-# Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
-FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
 # Log odds of what is on no order for certain.
 OFF_ORDERS = -math.log(FORCED_OFF_ORDERS)
 # Of told speeds that are not heard so many are not the spindle's any more.

@@ -49,7 +49,9 @@ OVERTONE, OVERTONES = 0.01, (2, 3)
 # Where no comb is known a line may be a multiple, up to so many times, of one that is steady for certain: if that would
 # be within so much (Hz) of the steady one, it is forced as well, unless chance would have it there as soon.
 MULTIPLES, MULTIPLE_HZ, SURELY_STEADY = 8, 1.5, 0.9
-FORCED_AT_MULTIPLES, BY_CHANCE = 0.75, 0.1
+LARGEST_CHANCE = 0.1
+# Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
+FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
 # Of a vibration that has chattered and does no more.
 CALMED = Kinds(noise=1.0 - 6e-4, growing=2e-4, saturated=2e-4, steady=2e-4)
 # Log odds by its place, averaged, of what is off the orders for more than a moment, where these are told apart.
@@ -290,10 +292,11 @@ def _multiple_odds(frequency_hz, vibrations):
         if other.line == NO_LINE or other.chattered or other.steady < SURELY_STEADY:
             continue
         times = math.floor(frequency_hz / other.frequency_hz + 0.5)
+        if not 1 < times <= MULTIPLES or abs(frequency_hz / times - other.frequency_hz) >= MULTIPLE_HZ:
+            continue
         chance = 2.0 * times * MULTIPLE_HZ / other.frequency_hz
-        near = abs(frequency_hz / times - other.frequency_hz) < MULTIPLE_HZ if times > 1 else False
-        if near and times <= MULTIPLES and chance < BY_CHANCE:
-            odds = min(odds, math.log(chance / FORCED_AT_MULTIPLES))
+        if chance < LARGEST_CHANCE:
+            odds = min(odds, math.log(chance / FORCED_AT_TEETH))
     return odds
 
 

@@ -86,7 +86,10 @@ class Loudness:
             self._since = 0
         self._last.append(power)
         self._now = power if self._now is None else self._now + AVERAGING * (power - self._now)
-        self._suspected = self._suspected + 1 if suspected and self._has_grown() else 0
+        # it has grown if it is loud against what this cut was since it leapt
+        known = suspected and self._since >= self._least
+        grown = known and self._now > LOUD * statistics.median(list(self._calm)[-self._since :])
+        self._suspected = self._suspected + 1 if grown else 0
         begins = self._suspected >= self._enough
         if alarm or begins:
             self._alarmed += 1
@@ -102,9 +105,3 @@ class Loudness:
             if len(self._calm) >= self._least:
                 self.usual = statistics.median(self._calm)
         return False
-
-    def _has_grown(self) -> bool:
-        """Whether it is loud against what this cut was since it leapt."""
-        if self._since < self._least or self._now is None:
-            return False
-        return self._now > LOUD * statistics.median(list(self._calm)[-self._since :])
