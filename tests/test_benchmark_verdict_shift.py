@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.verdict.cut import RATE_HZ
 from benchmarks.verdict.monitor import Passage, watch
-from benchmarks.verdict.shift import _is_stable, shift
+from benchmarks.verdict.shift import _is_stable, library, shift
 from tests.test_benchmark_verdict_scoring import made_up
 
 SECONDS = 200.0
@@ -29,6 +29,13 @@ def test_day_is_as_long_as_asked_for_and_the_same_again(cuts):
     assert np.array_equal(day, again)
     assert not np.array_equal(day[:1000], other[:1000])
     assert np.isfinite(day).all()
+
+
+@pytest.mark.parametrize("first", [3, 4])
+def test_a_library_begins_where_it_is_told(first):
+    """A day may be made of cuts that no day before was made of."""
+    (cut,) = library(1, None, first=first)
+    assert int(cut.name.split("-")[1]) == first
 
 
 def test_room_is_heard_between_passes_and_no_pass_is_a_copy(cuts):

@@ -2,13 +2,14 @@
 
 What is reused and what is not: the vibration of the cuts comes from a library of stable simulated cuts, of which every
 pass takes a part of its own at another level, polarity and tilt of the spectrum. Room noise, gaps between passes,
-blows, pumps and levels are drawn afresh all day long. With the standard library of 60 cuts each is heard some 50 times.
+blows, pumps and levels are drawn afresh all day long. With a library of 60 cuts each is heard some 50 times.
+The standard library is that of the days from which rules were learned: ``--first`` takes others.
 
 Jobs have a cutter, a speed and a few dozen passes. A new speed is announced to the monitor in seven jobs of ten; in the
 others it goes on believing the old one.
 
 Run: python -m benchmarks.verdict.shift [--hours 8] [--seed 1] [--speed known|unknown] [--split report|development]
-    [--cache DIR]
+    [--first N] [--cache DIR]
 """
 
 from __future__ import annotations
@@ -54,10 +55,10 @@ class Room:
     pump: float
 
 
-def library(size: int, cache: Path | None, split: Split = "development") -> list[Cut]:
-    """Return stable cuts of a split, of all families but those of the room: it has tones of its own."""
+def library(size: int, cache: Path | None, split: Split = "development", first: int = 0) -> list[Cut]:
+    """Return stable cuts of a split, from one on, of all families but those of the room: it has tones of its own."""
     # a third of the families turns to chatter
-    stable = (cut for cut in cached_cuts(split, 4 * size, cache) if cut.family not in TONES and _is_stable(cut))
+    stable = (cut for cut in cached_cuts(split, 4 * size, cache, first) if cut.family not in TONES and _is_stable(cut))
     return list(islice(stable, size))
 
 
@@ -138,9 +139,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--speed", choices=("known", "unknown"), default="known", help="whether speeds are announced")
     parser.add_argument("--split", choices=("development", "report"), default="report", help="whose cuts")
+    parser.add_argument("--first", type=int, default=0, help="number of the first of these (default %(default)s)")
     parser.add_argument("--cache", type=Path, help="directory to keep generated cuts in")
     chosen = parser.parse_args()
-    cuts = library(LIBRARY, chosen.cache, chosen.split)
+    cuts = library(LIBRARY, chosen.cache, chosen.split, chosen.first)
     seconds = 3600.0 * chosen.hours
     alarms: Counter[str] = Counter()
     states: Counter[str] = Counter()
