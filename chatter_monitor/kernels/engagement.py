@@ -45,14 +45,14 @@ STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 
 # Indices of what is known of the air: its level, the logarithm of the power that it does not reach, that of the cut
 # before it, and frames since it ended, those in which the tool enters and all; frames since the cut has got lighter;
-# the whole power before it fell, as long as it has not come back; and whether the cut before it was no louder between
-# the lines.
-LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, WHOLE, ALONE = range(8)
+# whether the cut before it was no louder between the lines; and the whole power before it fell, as long as it has not
+# come back, without what turns and with it.
+LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, ALONE, RESIDUAL, WHOLE = range(9)
 
 
 def new_air():
     """Nothing is known of it; the tool is in the cut."""
-    return np.array([-math.inf, -math.inf, -math.inf, LONGEST, math.inf, 0.0, -math.inf, 0.0])
+    return np.array([-math.inf, -math.inf, -math.inf, LONGEST, math.inf, 0.0, 0.0, -math.inf, -math.inf])
 
 
 @njit(**OPTIONS)
@@ -77,7 +77,7 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, h
         By how much all has got louder beside a pump, and how far a line of it stands out (`louder_beside_pump`).
     head : int
         Column after the newest, counted from the start without wrapping.
-    air : ndarray of float64, shape (8,)
+    air : ndarray of float64, shape (9,)
         What is known of the air, changed in place.
     scratch : ndarray, shape (>= BEFORE,)
         Work space.
@@ -220,22 +220,28 @@ def _whole(spectra, column, lowest):
 
 
 @njit(**OPTIONS)
-def fell(powers, head, air, scratch):
-    """Whether the whole has fallen at once, and not come back since.
+def fell(powers, wholes, head, air, scratch):
+    """Whether the whole has fallen at once, and not come back since: with what turns, or what is left without it.
 
     What rises by itself comes on top of all else; what stands out when all else has become fainter has come to light.
     Parameters as of `engaged`.
     """
+    return _has_fallen(powers, RESIDUAL, head, air, scratch) | _has_fallen(wholes, WHOLE, head, air, scratch)
+
+
+@njit(**OPTIONS)
+def _has_fallen(powers, before_it, head, air, scratch):
+    """Whether one of both has; which power it had before is at this index of what is known."""
     if head < FALLING + BEFORE // 2:
         return False
     columns = powers.shape[0]
     newest, last = (head - 1) % columns, (head - 2) % columns
     before = _before(powers, head, head, scratch)
     if max(powers[newest], powers[last]) <= before - FALL:
-        air[WHOLE] = max(before, air[WHOLE])
-    if powers[newest] > air[WHOLE] - NEAR:
-        air[WHOLE] = -math.inf
-    return air[WHOLE] > -math.inf
+        air[before_it] = max(before, air[before_it])
+    if powers[newest] > air[before_it] - NEAR:
+        air[before_it] = -math.inf
+    return air[before_it] > -math.inf
 
 
 @njit(**OPTIONS)

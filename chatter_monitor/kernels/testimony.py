@@ -4,7 +4,16 @@ import math
 
 from numba import njit
 
-from chatter_monitor.kernels.heard import BY_CHANCE, DAMPING_RATIO, HERTZ, NEAR, NEAR_TEETH, TEETH_BY_CHANCE
+from chatter_monitor.kernels.heard import (
+    BY_CHANCE,
+    CLEAR_COHERENCE,
+    DAMPING_RATIO,
+    HERTZ,
+    NEAR,
+    NEAR_TEETH,
+    TEETH_BY_CHANCE,
+)
+from chatter_monitor.kernels.kinds import LOUDER
 from chatter_monitor.kernels.lines import (
     ABSOLUTE_RISE,
     ARRIVAL,
@@ -24,6 +33,7 @@ from chatter_monitor.kernels.vibrations import (
     FORCED_AT_TEETH,
     FORCED_OFF_ORDERS,
     LINE_WIDTH_HZ,
+    SUSPECT_SHARE,
 )
 
 # Log odds of what is on no order for certain.
@@ -34,6 +44,8 @@ NOT_THIS = 0.2
 MOST = 0.5
 # A line is the one with sidebands when it is so near: a bin of the short-time spectrum.
 CARRIER_HZ = 12.0
+# A line is as loud as in the cut before when it has up to so many times its power.
+AS_LOUD = 2.0
 # Multiples that count as overtones, and how near to one a line has to be.
 OVERTONES, OVERTONE_HZ = 5, 8.0
 
@@ -46,8 +58,9 @@ def witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, odds
     ----------
     heard : ndarray of float64, shape (n, FIELDS)
         The lines (`kernels.heard`).
-    taken : ndarray of float64, shape (m, 2)
-        Frequency and rms of each line that has been taken out with what turns.
+    taken : ndarray of float64, shape (m, 3)
+        Frequency and rms of each line that has been taken out with what turns; and power of what was taken out there in
+        the last minute and is not now (`verdict.known_orders`).
     found : bool
         Whether what turns has been found in the signal alone: it may be another machine's.
     spindle : bool
@@ -66,8 +79,12 @@ def witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, odds
         The result.
     """
     strongest = 0
+    quieter = power / usual if power < usual else 1.0
     for i in range(heard.shape[0]):
         strongest = i if heard[i, SHARE] > heard[strongest, SHARE] else strongest
+    risen = 0.0
+    for other in heard:
+        risen += _risen_share(other, taken, power)
     for i in range(heard.shape[0]):
         seen, line = heard[i], lines[i]
         _copy(seen, line)
@@ -75,13 +92,17 @@ def witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, odds
         line.arrival = 0.0
         line.carrier = abs(seen[HERTZ] - carrier_hz) < CARRIER_HZ and seen[ABSOLUTE_RISE] > DIED_DOWN
         line.order_odds = OFF_ORDERS if line.carrier else _order_odds(seen, found, spindle, odds)
-        line.dominance = _own_share(seen, taken, power) * (power / usual if power < usual else 1.0)
+        line.dominance = _own_share(seen, taken, power) * quieter
         if line.order_odds > 0.0:  # teeth have overtones, too
             overtones = 0.0
             for other in heard:
                 if _is_overtone(other[HERTZ], seen[HERTZ]):
                     overtones += _own_share(other, taken, power)
             line.dominance += overtones
+            # beside what is as loud as ever, chatter takes nearly all of what has got louder
+            own = _own_share(seen, taken, power)
+            if own >= SUSPECT_SHARE and seen[ABSOLUTE_RISE] >= LOUDER and seen[COHERENCE] >= CLEAR_COHERENCE:
+                line.dominance = max(line.dominance, _risen_share(seen, taken, power) / risen * quieter)
             # an order of the rotation is what a forced line may be on, too, however dense they are
             if line.carrier or (spindle and not (seen[NEAR] > 0.0 or seen[NEAR_TEETH] > 0.0)):
                 _add_news(seen[NEWS], line)
@@ -125,14 +146,25 @@ def _is_overtone(hertz, fundamental_hz):
 def _own_share(seen, taken, power):
     """Share of the power that is a line's own: what has been taken out at its frequency with what turns is another's.
 
-    Beside a strong order something is always left, for it is neither quite steady nor its speed quite known.
+    Beside a strong order something is always left, for it is neither quite steady nor its speed quite known. And where
+    an order was taken out that is not now, it is heard again: only what is louder is something else.
     """
     here = seen[SHARE] * power
-    there = 0.0
+    there = missed = 0.0
     for i in range(taken.shape[0]):
         if abs(taken[i, 0] - seen[HERTZ]) < LINE_WIDTH_HZ:
             there = max(there, taken[i, 1] ** 2)
-    return seen[SHARE] * (here / (here + there)) if here > 0.0 else seen[SHARE]
+            missed += taken[i, 2]
+    if here <= 0.0:
+        return seen[SHARE]
+    here -= min(AS_LOUD * missed, here)
+    return here / power * (here / (here + there)) if here > 0.0 else 0.0
+
+
+@njit(**OPTIONS)
+def _risen_share(seen, taken, power):
+    """Share of the power that is a line's own and has come since it got louder."""
+    return _own_share(seen, taken, power) * (1.0 - math.exp(-2.0 * max(seen[ABSOLUTE_RISE], 0.0)))
 
 
 @njit(**OPTIONS)

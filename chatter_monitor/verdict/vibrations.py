@@ -24,12 +24,13 @@ from chatter_monitor.kernels.testimony import witness
 from chatter_monitor.kernels.vibrations import CALMED, FORGOTTEN_CHATTER, NO_LINE, VIBRATION, Odds, Rules
 from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.evidence import Evidence, Heard, Vibration
+from chatter_monitor.verdict.known_orders import NOTHING_TAKEN, KnownOrders
 from chatter_monitor.verdict.weights import CALM, GROWTH
 
 # Vibrations that there is room for at first.
 ROOM = 64
 
-NOTHING_KNOWN, NOTHING_TAKEN, NO_VIBRATIONS = Overview(), np.empty((0, 2)), np.empty(0, VIBRATION)
+NOTHING_KNOWN, NO_VIBRATIONS = Overview(), np.empty(0, VIBRATION)
 NOT_HEARD = Heard(np.empty((0, FIELDS)), np.empty((0, 4)))
 _WEIGHTS = np.array([(*weights.per_measure, weights.offset) for weights in (GROWTH, CALM)])
 
@@ -137,6 +138,7 @@ class Following:
     """The vibrations of one channel, from interval to interval."""
 
     def __init__(self) -> None:
+        self._orders = KnownOrders()
         self._known = 0  # of the vibrations, the most suspicious first; behind them there is room for more
         self._vibrations, self._work = np.empty((2, ROOM), VIBRATION)
         self._lines, self._taken = np.empty(ROOM, LINE), np.empty(ROOM, np.bool_)
@@ -149,9 +151,10 @@ class Following:
     def follow(self, evidence: Evidence, rules: Rules, usual: float = 0.0) -> Told:
         """Follow them through another interval, of a cut that usually has so much power."""
         heard = evidence.vibrations
+        taken = self._orders.hear(evidence.orders, evidence.power)
         self._make_room(len(heard))
         self._known, overview = self._another_interval(
-            *(self._vibrations, self._known, _testimony(evidence, usual), rules),
+            *(self._vibrations, self._known, _testimony(evidence, taken, usual), rules),
             *(_WEIGHTS, self._lines, self._taken, self._work),
         )
         return Told(overview, self._vibrations[: self._known], heard)
@@ -193,19 +196,18 @@ def repeating_share(orders: Orders, told: Told) -> float:
 def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
     """Prominent lines of an interval as vibrations take them, shape (lines,)."""
     lines = np.empty(len(evidence.vibrations), LINE)
-    witness(*_testimony(evidence, 0.0), odds, lines)
+    witness(*_testimony(evidence, KnownOrders().hear(evidence.orders, evidence.power), 0.0), odds, lines)
     return lines
 
 
 def _testimony(
-    evidence: Evidence, usual: float
+    evidence: Evidence, taken: NDArray[np.float64], usual: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], bool, bool, float, float, float, float]:
     """What `kernels.testimony` takes of an interval."""
     orders = evidence.orders
-    taken = [(line.frequency_hz, line.rms) for line in (*orders.lines, *orders.other_lines)]
     return (
         evidence.vibrations.table,
-        np.array(taken) if taken else NOTHING_TAKEN,
+        taken,
         orders.source == "found",
         orders.spindle_heard,
         math.nan if orders.sidebands is None else orders.sidebands.carrier_hz,

@@ -258,8 +258,13 @@ def test_growth_is_no_leap(rate_per_s):
     assert not any(leaps(*[-10.0] * 16, *growth))
 
 
-def test_what_is_fainter_than_it_was_has_fallen_until_it_comes_back():
-    """Fallen by 8 dB at once, until it is nearly as loud as before; a slow fall is none."""
+@pytest.mark.parametrize("with_what_turns", [False, True])
+def test_what_is_fainter_than_it_was_has_fallen_until_it_comes_back(with_what_turns):
+    """Fallen by 8 dB at once, until it is nearly as loud as before; a slow fall is none. With what turns or without."""
+
+    def rings(ring):
+        return (np.zeros(160), ring) if with_what_turns else (ring, np.zeros(160))
+
     rng = np.random.default_rng(3)
 
     def fallen(*powers):
@@ -267,7 +272,7 @@ def test_what_is_fainter_than_it_was_has_fallen_until_it_comes_back():
         result = []
         for head, power in enumerate(powers, start=1):
             ring[(head - 1) % 160] = DECIBEL * (power + 0.3 * rng.standard_normal())
-            result.append(bool(engagement.fell(ring, head, air, np.zeros(160))))
+            result.append(bool(engagement.fell(*rings(ring), head, air, np.zeros(160))))
         return result
 
     told = fallen(*[0.0] * 40, *[-12.0] * 60, *[-1.0] * 40)

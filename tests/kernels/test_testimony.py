@@ -9,12 +9,12 @@ import pytest
 
 from chatter_monitor.kernels.heard import BY_CHANCE, FIELDS, HERTZ, NEAR, NEAR_TEETH, TEETH_BY_CHANCE
 from chatter_monitor.kernels.kinds import LINE
-from chatter_monitor.kernels.lines import ABSOLUTE_RISE, ARRIVAL, NEWS, SHARE
+from chatter_monitor.kernels.lines import ABSOLUTE_RISE, ARRIVAL, COHERENCE, NEWS, SHARE
 from chatter_monitor.kernels.testimony import NOT_THIS, witness
 from chatter_monitor.kernels.vibrations import Odds
 
 ODDS = Odds(unknown_speed=-0.6, off_found=0.5)
-NOTHING = np.empty((0, 2))
+NOTHING = np.empty((0, 3))
 
 
 def said_of(heard, *, taken=NOTHING, found=False, spindle=False, carrier_hz=math.nan, growth=0.0, power=2.0, usual=0.0):
@@ -92,12 +92,31 @@ def test_what_came_with_the_tool_counts_off_the_orders_where_it_takes_most(spind
 def test_the_share_of_a_line_is_its_own_and_that_of_its_overtones():
     """Beside what is taken out less is its own; overtones count off the orders, with what is their own."""
     heard = np.array([line(500.0, 0.3), line(1001.0, 0.2), line(1530.0, 0.1)])
-    taken = np.array([[510.0, 0.5], [1010.0, 0.2], [300.0, 9.0]])
+    taken = np.array([[510.0, 0.5, 0.0], [1010.0, 0.2, 0.0], [300.0, 9.0, 9.0]])
     own = np.array([0.3, 0.2, 0.1])
     own[:2] *= own[:2] * 2.0 / (own[:2] * 2.0 + np.array([0.5, 0.2]) ** 2)
     said = said_of(heard, taken=taken)
     assert said["dominance"] == pytest.approx([own[0] + own[1], *own[1:]])
     assert said["power"].tolist() == [2.0] * 3
+
+
+@pytest.mark.parametrize(("missed", "share"), [(0.0, 0.5), (0.3, 0.2), (0.6, 0.0)])
+def test_an_order_that_is_not_taken_out_now_is_heard_again(missed, share):
+    """Up to twice the power that it had is its; only what is louder is something else."""
+    (said,) = said_of(np.array([line(500.0, 0.5)]), taken=np.array([[510.0, 0.0, missed]]))
+    assert said["dominance"] == pytest.approx(share)
+
+
+@pytest.mark.parametrize(
+    ("rise", "coherence", "dominance"), [(2.0, 0.95, 0.98), (2.0, 0.8, 0.3), (0.7, 0.95, 0.3), (-1.0, 0.95, 0.3)]
+)
+def test_what_alone_got_louder_counts_as_all_of_it(rise, coherence, dominance):
+    """A coherent line of a third of the power, off the orders, beside a louder one that is as loud as ever."""
+    heard = np.array([line(500.0, 0.3), line(720.0, 0.6)])
+    heard[0, [ABSOLUTE_RISE, COHERENCE]] = rise, coherence
+    heard[1, ABSOLUTE_RISE] = 0.005
+    said = said_of(heard)
+    assert said["dominance"].tolist() == pytest.approx([dominance, 0.6], abs=0.01)
 
 
 def test_growth_is_the_strongest_lines():
