@@ -42,7 +42,7 @@ class KnownOrders:
             Lines that have been taken out, as `kernels.testimony.witness` takes them.
         """
         taken = [(line.frequency_hz, line.rms, 0.0) for line in (*orders.lines, *orders.other_lines)]
-        if orders.source != "refined":
+        if orders.source != "refined" or orders.rotation_hz is None:
             self._power[:] = 0.0
         else:
             now = np.zeros_like(self._power)
