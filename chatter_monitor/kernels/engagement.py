@@ -226,32 +226,32 @@ def fell(powers, wholes, head, air, scratch):
     What rises by itself comes on top of all else; what stands out when all else has become fainter has come to light.
     Parameters as of `engaged`.
     """
-    return _has_fallen(powers, RESIDUAL, head, air, scratch) | _has_fallen(wholes, WHOLE, head, air, scratch)
+    return _stays_fallen(powers, RESIDUAL, head, air, scratch) | _stays_fallen(wholes, WHOLE, head, air, scratch)
 
 
 @njit(**OPTIONS)
-def _has_fallen(powers, before_it, head, air, scratch):
-    """Whether one of both has; which power it had before is at this index of what is known."""
+def _stays_fallen(powers, index, head, air, scratch):
+    """Whether one of both has; the power that it had before is at this index of what is known."""
+    air[index] = max(air[index], _before_fall(powers, head, scratch))
+    if powers[(head - 1) % powers.shape[0]] > air[index] - NEAR:
+        air[index] = -math.inf
+    return air[index] > -math.inf
+
+
+@njit(**OPTIONS)
+def _before_fall(values, head, scratch):
+    """Median of the frames before, whatever these were, if both of the last are far below it; else minus infinity."""
     if head < FALLING + BEFORE // 2:
-        return False
-    columns = powers.shape[0]
-    newest, last = (head - 1) % columns, (head - 2) % columns
-    before = _before(powers, head, head, scratch)
-    if max(powers[newest], powers[last]) <= before - FALL:
-        air[before_it] = max(before, air[before_it])
-    if powers[newest] > air[before_it] - NEAR:
-        air[before_it] = -math.inf
-    return air[before_it] > -math.inf
+        return -math.inf
+    last = max(values[(head - 1) % values.shape[0]], values[(head - 2) % values.shape[0]])
+    before = _before(values, head, head, scratch)
+    return before if last <= before - FALL else -math.inf
 
 
 @njit(**OPTIONS)
 def _fallen(values, head, scratch):
-    """Whether both of the last frames are far below those before, whatever these were."""
-    if head < FALLING + BEFORE // 2:
-        return False
-    columns = values.shape[0]
-    last = max(values[(head - 1) % columns], values[(head - 2) % columns])
-    return bool(last <= _before(values, head, head, scratch) - FALL)
+    """Whether both of the last frames are far below those before."""
+    return _before_fall(values, head, scratch) > -math.inf
 
 
 @njit(**OPTIONS)

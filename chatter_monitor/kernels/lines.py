@@ -237,15 +237,15 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measure
     beside = louder_beside_pump(reliefs, state.powers, state.levels, lowest, counts[FRAMES])
     heard = state.levels, state.totals, state.wholes, state.crests, state.repeating
     state.cutting[column] = engaged(*heard, fainter, leapt, beside, counts[FRAMES], state.air, state.scratch)
-    fallen = fell(state.totals, state.wholes, counts[FRAMES], state.air, state.scratch)
-    counts[FALLEN] = counts[FALLEN] + 1 if fallen else 0
+    low = fell(state.totals, state.wholes, counts[FRAMES], state.air, state.scratch)
+    counts[FALLEN] = counts[FALLEN] + 1 if low else 0
     known = min(frames, counts[ALIKE])
     since = state.air[SINCE]
     # how many frames a line is compared with: of all that is known, of this cut, of a second, of those since it fell
     columns, cut = state.columns, (state.levels, state.cutting, counts[FRAMES])
     here = compared(*cut, int(min(known, since)), columns)
     recent = compared(*cut, min(state.valid.shape[0] // FRAME_HOPS, known), columns)
-    lower = compared(*cut, min(counts[FALLEN], known), columns)
+    fallen = compared(*cut, min(counts[FALLEN], known), columns)
     long = compared(*cut, known, columns)
     for i in range(count):
         b, out, line, scratch = peaks[i], measures[i], state.line, state.scratch
@@ -258,9 +258,9 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measure
         out[LONG_RISE] = rise(reliefs, columns[:long], here, b, scratch)
         out[ABSOLUTE_RISE] = rise(state.powers, columns[:long], here, b, scratch)
         if 0 < counts[FALLEN] < known:  # nothing has risen out of what was louder
-            above = rise(reliefs, columns[:lower], min(here, lower), b, scratch)
+            above = rise(reliefs, columns[:fallen], min(here, fallen), b, scratch)
             out[RISE], out[LONG_RISE] = min(out[RISE], above), min(out[LONG_RISE], above)
-            above = rise(state.powers, columns[:lower], min(here, lower), b, scratch)
+            above = rise(state.powers, columns[:fallen], min(here, fallen), b, scratch)
             out[ABSOLUTE_RISE] = min(out[ABSOLUTE_RISE], above)
         if abs(out[LONG_RISE]) < AS_BEFORE:  # it may go with the rest
             out[VARIATION] = min(out[VARIATION], variation_beside(line, state.levels, counts[FRAMES], scratch))

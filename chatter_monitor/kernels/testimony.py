@@ -84,7 +84,7 @@ def witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, odds
         strongest = i if heard[i, SHARE] > heard[strongest, SHARE] else strongest
     risen = 0.0
     for other in heard:
-        risen += _risen_share(other, taken, power)
+        risen += _risen_share(other, _own_share(other, taken, power))
     for i in range(heard.shape[0]):
         seen, line = heard[i], lines[i]
         _copy(seen, line)
@@ -92,7 +92,8 @@ def witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, odds
         line.arrival = 0.0
         line.carrier = abs(seen[HERTZ] - carrier_hz) < CARRIER_HZ and seen[ABSOLUTE_RISE] > DIED_DOWN
         line.order_odds = OFF_ORDERS if line.carrier else _order_odds(seen, found, spindle, odds)
-        line.dominance = _own_share(seen, taken, power) * quieter
+        own = _own_share(seen, taken, power)
+        line.dominance = own * quieter
         if line.order_odds > 0.0:  # teeth have overtones, too
             overtones = 0.0
             for other in heard:
@@ -100,9 +101,8 @@ def witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, odds
                     overtones += _own_share(other, taken, power)
             line.dominance += overtones
             # beside what is as loud as ever, chatter takes nearly all of what has got louder
-            own = _own_share(seen, taken, power)
             if own >= SUSPECT_SHARE and seen[ABSOLUTE_RISE] >= LOUDER and seen[COHERENCE] >= CLEAR_COHERENCE:
-                line.dominance = max(line.dominance, _risen_share(seen, taken, power) / risen * quieter)
+                line.dominance = max(line.dominance, _risen_share(seen, own) / risen * quieter)
             # an order of the rotation is what a forced line may be on, too, however dense they are
             if line.carrier or (spindle and not (seen[NEAR] > 0.0 or seen[NEAR_TEETH] > 0.0)):
                 _add_news(seen[NEWS], line)
@@ -162,9 +162,9 @@ def _own_share(seen, taken, power):
 
 
 @njit(**OPTIONS)
-def _risen_share(seen, taken, power):
-    """Share of the power that is a line's own and has come since it got louder."""
-    return _own_share(seen, taken, power) * (1.0 - math.exp(-2.0 * max(seen[ABSOLUTE_RISE], 0.0)))
+def _risen_share(seen, own):
+    """Share of the power that is a line's own, less what it was before it got louder."""
+    return own * (1.0 - math.exp(-2.0 * max(seen[ABSOLUTE_RISE], 0.0)))
 
 
 @njit(**OPTIONS)

@@ -239,3 +239,19 @@ def test_what_comes_to_light_has_not_risen():
     assert found.frequency_hz == pytest.approx(116.0, abs=2.0)
     assert max(found.rise, found.long_rise, found.absolute_rise) < 0.1
     assert min(risen.long_rise, risen.absolute_rise) > 1.0
+
+
+@pytest.mark.parametrize("after", [1.0, 0.1])
+def test_what_comes_to_light_as_what_turned_ends_has_not_risen(after):
+    """A cut of which only its comb was heard, and that was taken out, ends as a tone begins; or it goes on."""
+    t = times(3.0)
+    signal = noise(len(t), 0.02) + np.where(t > 2.0, 0.04 * np.sin(2 * np.pi * 116.0 * t), 0.0)
+    spectrum = Spectrum(RATE_HZ, INTERVAL)
+    for first in range(0, 51 * INTERVAL, INTERVAL):
+        whole = 1.0 if t[first] < 2.0 else after
+        lines = named(spectrum, signal[first : first + INTERVAL], turns=True, whole=whole, repeating=0.5)
+    (line,) = [line for line in lines if line.share > 0.5]
+    if after < 1.0:
+        assert max(line.rise, line.long_rise, line.absolute_rise) < 0.1
+    else:
+        assert min(line.long_rise, line.absolute_rise) > 1.0

@@ -207,6 +207,18 @@ def test_what_is_left_beside_an_order_is_a_share_of_what_was_there(taken, away_h
     assert lines["dominance"] == pytest.approx(0.9 * share)
 
 
+@pytest.mark.parametrize("taken_before", [False, True])
+def test_an_order_that_was_taken_out_in_the_interval_before_is_no_new_line(taken_before):
+    """A comb is lost: what is heard where it was, as loud as it was, takes no power of its own."""
+    following = Following()
+    comb = Orders(0, 50.0, 0.01, "refined", 0.9, (OrderLine(20, 1000.0, math.sqrt(0.9)),))
+    if taken_before:
+        following.follow(interval()._replace(orders=comb), RULES)
+    lost = comb._replace(synchronous_share=0.0, lines=())
+    told = following.follow(interval(1000.0)._replace(orders=lost), RULES)
+    assert told.vibrations["dominance"] == pytest.approx(0.0 if taken_before else 0.9)
+
+
 def at_its_place(vibration, rotation_hz):
     """A vibration with its place among the orders of this rotation."""
     if rotation_hz is None:
