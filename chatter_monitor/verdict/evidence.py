@@ -86,6 +86,10 @@ class Heard(Sequence[Vibration]):
     def __len__(self) -> int:
         return len(self.table)
 
+    def copy(self) -> Heard:
+        """The same with a table of its own."""
+        return Heard(self.table.copy(), self._modes)
+
     @overload
     def __getitem__(self, index: int) -> Vibration: ...
     @overload

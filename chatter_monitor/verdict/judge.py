@@ -7,7 +7,7 @@ What each vibration is, is followed by `verdict.vibrations`; what an interval is
 from __future__ import annotations
 
 from chatter_monitor.kernels.kinds import LOUDER
-from chatter_monitor.kernels.vibrations import Rules
+from chatter_monitor.kernels.vibrations import JUST_NOW, Rules
 from chatter_monitor.records import Flag, Verdict
 from chatter_monitor.tracking.margin import FRAMES_TO_RENEW, Margin
 from chatter_monitor.verdict import reasons
@@ -95,7 +95,8 @@ class Judge:
         """Follow what an interval shows."""
         unheard = evidence.orders.spindle[0] is not None and not evidence.orders.spindle_heard
         rules = Rules(self._settings.alarm_probability, self._settings.calm_probability, unheard=unheard)
-        told = self._following.follow(evidence, rules, self._loudness.usual)
+        calm = memory.since_alarm >= JUST_NOW
+        told = self._following.follow(evidence, rules, self._loudness.usual, calm=calm)
         synchronous = evidence.orders.synchronous_share
         steady = memory.steady + AVERAGING * (steady_share(synchronous, told) - memory.steady)
         repeating = repeating_share(evidence.orders, told)

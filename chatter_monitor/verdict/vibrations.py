@@ -20,6 +20,7 @@ from chatter_monitor.kernels.binding import bound
 from chatter_monitor.kernels.heard import FIELDS
 from chatter_monitor.kernels.kinds import LINE, Kinds
 from chatter_monitor.kernels.overview import NONE, Overview
+from chatter_monitor.kernels.swings import forget_the_last, hold_back, new_swings
 from chatter_monitor.kernels.testimony import witness
 from chatter_monitor.kernels.vibrations import CALMED, FORGOTTEN_CHATTER, NO_LINE, VIBRATION, Odds, Rules
 from chatter_monitor.tracking.orders import Orders
@@ -139,6 +140,9 @@ class Following:
 
     def __init__(self) -> None:
         self._orders = KnownOrders()
+        self._swings = new_swings()
+        self._hold_back = bound(hold_back, np.empty((0, FIELDS)), 0.0, 0.0, True, self._swings)
+        self._forget_the_last = bound(forget_the_last, self._swings)
         self._known = 0  # of the vibrations, the most suspicious first; behind them there is room for more
         self._vibrations, self._work = np.empty((2, ROOM), VIBRATION)
         self._lines, self._taken = np.empty(ROOM, LINE), np.empty(ROOM, np.bool_)
@@ -148,13 +152,14 @@ class Following:
             *(self._vibrations, 0, testimony, Rules(0.5, 0.5), _WEIGHTS, self._lines, self._taken, self._work),
         )
 
-    def follow(self, evidence: Evidence, rules: Rules, usual: float = 0.0) -> Told:
-        """Follow them through another interval, of a cut that usually has so much power."""
-        heard = evidence.vibrations
+    def follow(self, evidence: Evidence, rules: Rules, usual: float = 0.0, *, calm: bool = True) -> Told:
+        """Follow them through another interval, of a cut that usually has so much power, and is calm or in alarm."""
+        heard = evidence.vibrations.copy()
+        self._hold_back(heard.table, evidence.power, usual, calm, self._swings)
         taken = self._orders.hear(evidence.orders, evidence.power)
         self._make_room(len(heard))
         self._known, overview = self._another_interval(
-            *(self._vibrations, self._known, _testimony(evidence, taken, usual), rules),
+            *(self._vibrations, self._known, _testimony(evidence._replace(vibrations=heard), taken, usual), rules),
             *(_WEIGHTS, self._lines, self._taken, self._work),
         )
         return Told(overview, self._vibrations[: self._known], heard)
@@ -169,6 +174,7 @@ class Following:
 
     def rest(self, *, forget: bool = False) -> None:
         """Remember, while nothing is cut, only which vibrations have chattered; or forget those, too."""
+        self._forget_the_last(self._swings)
         known = self._vibrations[: 0 if forget else self._known]
         known = known[known["chattered"] & (known["over"] < FORGOTTEN_CHATTER)]
         for name, probability in zip(Kinds._fields, CALMED, strict=True):

@@ -162,6 +162,14 @@ def test_growth_is_a_warning_and_then_an_alarm():
     assert set(grown[first:]) == {"self_excited"}
 
 
+@pytest.mark.parametrize("swung", [True, False])
+def test_what_has_swung_as_far_before_is_no_alarm(swung):
+    """A mode near its limit gets as loud as this and loses it again; the cut as such is as loud as ever."""
+    before = [evidence(steady(), rms=4.0 if swung else 1.0)] * 3 + [evidence(steady())] * 100
+    then = states(*before, *[evidence(growing(), rms=4.0)] * 5)[len(before) :]
+    assert ("self_excited" in then) == (not swung)
+
+
 def test_what_dies_down_after_chatter_is_not_forced():
     """A vibration that has chattered rings on, as calm as a forced line; little is left, until its damping is back."""
     dying = steady(damping=0.001)

@@ -1,0 +1,116 @@
+"""Swings of a calm cut, and what they say of the next one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from chatter_monitor.kernels.heard import FIELDS, HERTZ
+from chatter_monitor.kernels.kinds import LOUDER
+from chatter_monitor.kernels.lines import ABSOLUTE_RISE, ARRIVAL, LONG_RISE, NEWS, RISE, SHARE
+from chatter_monitor.kernels.swings import BEYOND, DOWN, LATER, forget_the_last, hold_back, new_swings
+
+RISES = [RISE, LONG_RISE, ABSOLUTE_RISE, NEWS, ARRIVAL]
+RISEN = 3.0  # what the spectrum tells of every line here
+LONG_ENOUGH = 2 * LATER
+HERTZ_HERE = 1266.0
+
+
+def interval(state, amplitude, hertz=HERTZ_HERE, *, calm=True, usual=0.0):
+    """What is left of the rises of a line with this logarithm of its amplitude."""
+    line = np.zeros((1, FIELDS))
+    line[0, HERTZ], line[0, SHARE], line[0, RISES] = hertz, 1.0, RISEN
+    hold_back(line, math.exp(2.0 * amplitude), usual, calm, state)
+    assert np.ptp(line[0, RISES]) == 0.0
+    return line[0, RISE]
+
+
+def swung(*, calm=True, intervals=LONG_ENOUGH):
+    """State after an amplitude went up to one and stayed down for so many intervals."""
+    state = new_swings()
+    for amplitude in (0.0, 0.5, 1.0, 0.5, *np.zeros(intervals)):
+        interval(state, amplitude, calm=calm)
+    return state
+
+
+def test_what_is_as_loud_as_in_a_swing_has_not_risen_for_certain():
+    assert interval(swung(), 1.0) == pytest.approx(LOUDER, abs=0.01)
+    assert interval(swung(), 1.5) == pytest.approx(LOUDER + 0.5, abs=0.01)
+    assert interval(swung(), -5.0) == 0.0
+    assert interval(swung(), 10.0) == RISEN
+
+
+def test_what_has_not_risen_stays_so():
+    line = np.zeros((1, FIELDS))
+    line[0, HERTZ], line[0, SHARE], line[0, RISES] = HERTZ_HERE, 1.0, -1.0
+    hold_back(line, 1.0, 0.0, True, swung())
+    assert (line[0, RISES] == -1.0).all()
+
+
+def test_a_swing_counts_later():
+    """What begins to chatter comes and goes before it stays."""
+    assert interval(swung(intervals=LATER // 2), 1.0) == RISEN
+
+
+@pytest.mark.parametrize("down", [0.9 * DOWN, 1.1 * DOWN])
+def test_it_has_to_come_down(down):
+    state = new_swings()
+    for amplitude in (1.0, *np.full(LONG_ENOUGH, 1.0 - down)):
+        interval(state, amplitude)
+    assert (interval(state, 1.0) < RISEN) == (down > DOWN)
+
+
+def test_a_line_that_is_not_heard_has_come_down():
+    state = new_swings()
+    interval(state, 1.0)
+    for _ in range(LONG_ENOUGH):
+        hold_back(np.empty((0, FIELDS)), 1.0, 0.0, True, state)
+    assert interval(state, 1.0) < RISEN
+
+
+def test_chatter_does_not_come_down_by_itself():
+    assert interval(swung(calm=False), 1.0) == RISEN
+
+
+def test_neither_does_what_ends_with_the_cut():
+    state = new_swings()
+    interval(state, 1.0)
+    forget_the_last(state)
+    for _ in range(LONG_ENOUGH):
+        interval(state, -3.0)
+    assert interval(state, 1.0) == RISEN
+
+
+@pytest.mark.parametrize(("hertz", "same"), [(1.05 * HERTZ_HERE, True), (1.3 * HERTZ_HERE, False)])
+def test_it_counts_for_what_is_near(hertz, same):
+    assert (interval(swung(), 1.0, hertz) < RISEN) == same
+
+
+@pytest.mark.parametrize("beyond", [0.9, 1.1])
+def test_what_is_far_beyond_the_usual_cut_is_beyond_its_swings(beyond):
+    """A swing of a heavy cut says nothing of a light one."""
+    usual = math.exp(2.0) / (beyond * BEYOND)
+    assert (interval(swung(), 1.0, usual=usual) == RISEN) == (beyond > 1.0)
+
+
+def test_it_is_forgotten_in_twenty_minutes():
+    state = swung(intervals=LONG_ENOUGH + 20 * 60 * 20)
+    assert interval(state, 1.0) == pytest.approx(LOUDER + 1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("hertz", [50.0, 6399.0])
+def test_the_whole_band_has_a_place(hertz):
+    state = new_swings()
+    for amplitude in (1.0, *np.zeros(LONG_ENOUGH)):
+        interval(state, amplitude, hertz)
+    assert interval(state, 1.0, hertz) == pytest.approx(LOUDER, abs=0.01)
+
+
+def test_without_power_there_is_no_amplitude():
+    state = new_swings()
+    line = np.zeros((1, FIELDS))
+    line[0, HERTZ] = HERTZ_HERE
+    hold_back(line, 0.0, 0.0, True, state)
+    assert (state.crest == -math.inf).all()
