@@ -153,6 +153,11 @@ class Evidence(NamedTuple):
         """Of what does not turn with the spindle: that which lines have their shares of."""
         return self.rms**2 * (1.0 - self.orders.synchronous_share)
 
+    @property
+    def turning(self) -> float:
+        """Of what does turn with it."""
+        return self.rms**2 * self.orders.synchronous_share
+
 
 def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
     """Reduce an interval to evidence."""

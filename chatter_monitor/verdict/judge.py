@@ -122,7 +122,8 @@ class Judge:
             self._loudness.forget()
         suspect = _grown_suspect(told)
         calm = told.overview.suspicion < self._settings.warning_probability
-        loud = self._loudness.hear(evidence.power, alarm=alarm, suspected=suspect is not None, calm=calm)
+        powers = evidence.power, evidence.turning
+        loud = self._loudness.hear(*powers, alarm=alarm, suspected=suspect is not None, calm=calm)
         if alarm or not loud:
             return view
         about = suspect if chattered is None else chattered

@@ -2,8 +2,9 @@
 
 A line that is suspected takes its time to be certain; where all that does not turn with the spindle has grown many
 times louder with it, there is nothing to wait for. And what chatters is limited by the tool leaving the cut, and then
-jumps between lines and loses its coherence for a while. None of that ends it: as long as the power stays far above what
-it was before, and does not fall far below what it was in the alarm, the alarm goes on.
+jumps between lines and loses its coherence for a while, or catches on the teeth, and is taken out with what turns. None
+of that ends it: as long as the power stays far above what it was before, and does not fall far below what it was in the
+alarm, the alarm goes on.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ LEAP, AT_ONCE = 16.0, 2
 TELLING_S = 0.5
 # How many times the usual power it is still; and which share of that in the alarm.
 STILL_LOUD, STILL_THERE = 8.0, 0.25
+# What turns with up to so many times its usual power is no chatter that has caught on the teeth.
+AS_TURNING = 2.0
 # Least weight of an interval in the average of the power in an alarm.
 LASTING = 0.02
 
@@ -39,41 +42,42 @@ class Loudness:
     ----------
     usual : float
         Power of calm cutting, of this cut if enough of it was heard, or of the one before; 0 where it is not known.
+    rise : float
+        How many times that it is now, with what has caught on the teeth if that keeps an alarm; 0 where that is not
+        known.
     """
 
     def __init__(self, interval_s: float) -> None:
-        self.usual = 0.0
-        self._calm = deque[float](maxlen=round(USUAL_S / interval_s))  # of this cut
+        self.usual = self._usual_turning = 0.0
+        self._calm, self._turning = (deque[float](maxlen=round(USUAL_S / interval_s)) for _ in range(2))  # of this cut
         self._since = 0  # how many of them, the newest, came since a leap
         self._last = deque[float](maxlen=AT_ONCE)
         self._least, self._telling = round(LEAST_S / interval_s), round(TELLING_S / interval_s)
         self._enough = round(SUSPECTED_S / interval_s)
         self._now: float | None = None
+        self._with_caught = 0.0  # the same with what has caught on the teeth
+        self.rise = 0.0
         self._suspected = 0
         self._alarmed, self._in_alarm = 0, 0.0
-
-    @property
-    def rise(self) -> float:
-        """How many times the usual power it is now; 0 where that is not known."""
-        return self._now / self.usual if self._now is not None and self.usual > 0.0 else 0.0
 
     def rest(self) -> None:
         """Nothing is cut, or a cut begins."""
         self._calm.clear()
+        self._turning.clear()
         self._since = 0
         self.forget()
 
     def forget(self) -> None:
         """Take what is loud as explained: no alarm goes on for it."""
-        self._suspected, self._alarmed, self._now = 0, 0, None
+        self._suspected, self._alarmed, self._now, self.rise = 0, 0, None, 0.0
 
-    def hear(self, power: float, *, alarm: bool, suspected: bool, calm: bool) -> bool:
+    def hear(self, power: float, turning: float, *, alarm: bool, suspected: bool, calm: bool) -> bool:
         """Hear an interval of cutting.
 
         Parameters
         ----------
-        power : float
-            Of what does not turn.
+        power, turning : float
+            Of what does not turn, and of what does.
         alarm, suspected, calm : bool
             Whether a line is an alarm; may well be chatter; or none is at all likely to be: only that is usual.
 
@@ -85,23 +89,30 @@ class Loudness:
         if self._last and power > LEAP * max(self._last):
             self._since = 0
         self._last.append(power)
-        self._now = power if self._now is None else self._now + AVERAGING * (power - self._now)
+        with_caught = power + max(turning - AS_TURNING * self._usual_turning, 0.0)
+        if self._now is None:
+            self._now, self._with_caught = power, with_caught
+        self._now += AVERAGING * (power - self._now)
+        self._with_caught += AVERAGING * (with_caught - self._with_caught)
         # it has grown if it is loud against what this cut was since it leapt
         known = suspected and self._since >= self._least
         grown = known and self._now > LOUD * statistics.median(list(self._calm)[-self._since :])
         self._suspected = self._suspected + 1 if grown else 0
         begins = self._suspected >= self._enough
+        loud = self._now if alarm or begins else self._with_caught
+        self.rise = loud / self.usual if self.usual > 0.0 else 0.0
         if alarm or begins:
             self._alarmed += 1
-            self._in_alarm += max(1.0 / self._alarmed, LASTING) * (power - self._in_alarm)
+            self._in_alarm += max(1.0 / self._alarmed, LASTING) * (with_caught - self._in_alarm)
             return begins
         told = self._alarmed >= self._telling
-        if told and self.rise > STILL_LOUD and self._now > STILL_THERE * self._in_alarm:
+        if told and self.rise > STILL_LOUD and self._with_caught > STILL_THERE * self._in_alarm:
             return True
         self._alarmed = 0
         if calm:
             self._calm.append(power)
+            self._turning.append(turning)
             self._since += 1
             if len(self._calm) >= self._least:
-                self.usual = statistics.median(self._calm)
+                self.usual, self._usual_turning = statistics.median(self._calm), statistics.median(self._turning)
         return False

@@ -21,16 +21,16 @@ LEAST, TELLING, ENOUGH, WINDOW = (round(s / INTERVAL_S) for s in (LEAST_S, TELLI
 CHATTER = 2.0 * LOUD  # times the power of a calm cut
 
 
-def hear(loudness, power, intervals=40, **heard):
+def hear(loudness, power, intervals=40, *, turning=0.0, **heard):
     """In how many intervals of that power it is an alarm for its loudness."""
     heard = {"alarm": False, "suspected": False, "calm": True} | heard
-    return sum(loudness.hear(power, **heard) for _ in range(intervals))
+    return sum(loudness.hear(power, turning, **heard) for _ in range(intervals))
 
 
-def after(*, calm=LEAST, alarm=TELLING, power=CHATTER):
-    """A calm cut of power one, and an alarm of so many intervals."""
+def after(*, calm=LEAST, alarm=TELLING, power=CHATTER, turning=0.0):
+    """A calm cut of power one and what turns besides, and an alarm of so many intervals."""
     loudness = Loudness(INTERVAL_S)
-    assert hear(loudness, 1.0, calm) == 0
+    assert hear(loudness, 1.0, calm, turning=turning) == 0
     hear(loudness, power, alarm, alarm=True)
     return loudness
 
@@ -47,6 +47,22 @@ def test_it_ends_when_the_cut_gets_quieter():
     """Below a quarter of the alarm, though far above what is usual; or near what is."""
     assert hear(after(power=100.0 * CHATTER), 0.9 * STILL_THERE * 100.0 * CHATTER) < 10
     assert hear(after(power=1.5 * STILL_LOUD), 0.9 * STILL_LOUD) < 10
+
+
+@pytest.mark.parametrize(
+    ("turned", "turning", "lasts"),
+    [(0.0, CHATTER, True), (CHATTER, CHATTER, False), (CHATTER, 1.9 * CHATTER, False), (CHATTER, 3.0 * CHATTER, True)],
+)
+def test_what_catches_on_the_teeth_is_as_loud(turned, turning, lasts):
+    """Chatter that is taken out with what turns since it got there; not what turned as loud before."""
+    loudness = after(turning=turned)
+    assert (hear(loudness, 1.0, 400, turning=turning) == 400) == lasts
+    assert not lasts or loudness.rise > STILL_LOUD
+
+
+def test_what_turns_begins_no_alarm():
+    """A load makes what turns louder, too."""
+    assert hear(after(alarm=0), 1.0, 400, turning=100.0 * LOUD, suspected=True, calm=False) == 0
 
 
 def test_it_does_not_come_back_by_itself():
