@@ -89,7 +89,9 @@ class Loudness:
         if self._last and power > LEAP * max(self._last):
             self._since = 0
         self._last.append(power)
-        with_caught = power + max(turning - AS_TURNING * self._usual_turning, 0.0)
+        # of a cut that has not been heard without an alarm nobody knows what turns anyway
+        caught = turning - AS_TURNING * self._usual_turning if self._since >= self._least else 0.0
+        with_caught = power + max(caught, 0.0)
         if self._now is None:
             self._now, self._with_caught = power, with_caught
         self._now += AVERAGING * (power - self._now)

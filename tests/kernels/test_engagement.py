@@ -194,6 +194,17 @@ def test_what_leaps_out_of_faint_lines_is_a_tool_that_enters(crest, repeating, e
     assert all(after[9:])
 
 
+@pytest.mark.parametrize(
+    ("crest", "rise", "repeating", "enters"),
+    [(12.0, 14.0, 0.1, True), (12.0, 10.0, 0.1, False), (STANDS_OUT, 14.0, 0.1, False), (12.0, 14.0, 0.3, False)],
+)
+def test_much_noise_out_of_a_room_that_rumbles_is_a_tool_that_enters(crest, rise, repeating, enters):
+    """A room has a colour; what makes so much noise is no vibration alone, if it did not grow in a cut."""
+    after = told(room(60, crest=crest), cut(60, AIR + rise), repeating=repeating)[60:]
+    assert all(after) is not enters
+    assert all(after[9:])
+
+
 def test_what_begins_beside_a_pump_is_a_tool_that_enters():
     """Slowly or at once, louder than the pump or not; but not where something turns, nor for a line without noise."""
     slow, at_once = (told(room(60), cut(60), pump=range(60, 65), leapt=leapt)[60:] for leapt in ((), (60, 61)))

@@ -55,9 +55,18 @@ def test_it_ends_when_the_cut_gets_quieter():
 )
 def test_what_catches_on_the_teeth_is_as_loud(turned, turning, lasts):
     """Chatter that is taken out with what turns since it got there; not what turned as loud before."""
-    loudness = after(turning=turned)
+    loudness = after(turning=turned, alarm=0)
+    hear(loudness, 0.9 * LEAP, 2, turning=turned, calm=False)
+    hear(loudness, CHATTER, TELLING, turning=turned, alarm=True)
     assert (hear(loudness, 1.0, 400, turning=turning) == 400) == lasts
     assert not lasts or loudness.rise > STILL_LOUD
+
+
+def test_of_a_cut_that_began_with_an_alarm_nobody_knows_what_turns():
+    """What chatters from the first contact on may end while the teeth go on, far louder than the room before."""
+    loudness = after(alarm=0)
+    hear(loudness, 2.0 * LEAP, TELLING, alarm=True)
+    assert hear(loudness, 1.0, 40, turning=2.0 * LEAP) < 20
 
 
 def test_what_turns_begins_no_alarm():
