@@ -166,8 +166,10 @@ def test_growth_is_a_warning_and_then_an_alarm():
 def test_what_has_swung_as_far_before_is_no_alarm(swung):
     """A mode near its limit gets as loud as this and loses it again; the cut as such is as loud as ever."""
     before = [evidence(steady(), rms=4.0 if swung else 1.0)] * 3 + [evidence(steady())] * 100
-    then = states(*before, *[evidence(growing(), rms=4.0)] * 5)[len(before) :]
+    grown = evidence(growing(), rms=4.0)
+    then = states(*before, *[grown] * 5)[len(before) :]
     assert ("self_excited" in then) == (not swung)
+    assert grown.vibrations[0] == growing()  # what others are told stays as it was heard
 
 
 def test_what_dies_down_after_chatter_is_not_forced():
