@@ -33,7 +33,7 @@ def draw_curves(name: str, found: list[Detector], heard: list[Heard], file: Path
     ax.axhline(0.98, color="k", lw=0.5, ls=":")
     ax.set(xscale="log", xlim=(1e-5, 1.0), ylim=(0, 1.02), xlabel="share of false alarms", ylabel="recall")
     ax.set_title(f"Self-excited intervals, {name}")
-    ax.legend(loc="upper left")
+    figure.legend(loc="outside lower center", ncols=3)
     figure.savefig(file, dpi=90)
     plt.close(figure)
 
