@@ -7,11 +7,11 @@ the tool is taken to be in the cut: who does not know misses nothing. When the r
 in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters. So is what
 begins where nothing but noise was heard, no line and nothing that turns, if it lifts the noise at once as well: a
 vibration that grows by itself comes before the noise that it makes. So is what is there at once, noise or not, where
-lines were faint and nothing repeated, or lifts the noise by far there: growth takes time, and where teeth are heard the
-tool is in the cut. Lines that stay as they were while all else gets louder are a pump's and count as silence. What
-falls while most of what is heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then
-on. Until there is enough of that to compare with, the tool has left when all of the signal falls, comb and all, between
-the lines, too, and nothing repeats any more.
+lines were faint and nothing repeated, or, before the first cut, lifts the noise by far there: growth takes time, and
+where teeth are heard the tool is in the cut. Lines that stay as they were while all else gets louder are a pump's and
+count as silence. What falls while most of what is heard goes on, fainter, is a cut that gets lighter, or one whose comb
+is taken out from then on. Until there is enough of that to compare with, the tool has left when all of the signal
+falls, comb and all, between the lines, too, and nothing repeats any more.
 """
 
 import math
@@ -111,7 +111,9 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, h
                 crest = _before(crests, head, air[ALIKE], scratch)
                 pump &= crest < math.inf
                 out = (rose and crest < NOISE) or (pump and rise >= max(NEAR, LONE * crest_beside))
-                at_once = (leapt or (rose and rise >= LEAP)) and (crest < FAINT or pump)
+                # who has heard the tool leave heard it enter since, too
+                at_once = leapt or (rose and rise >= LEAP and air[LEVEL] == -math.inf)
+                at_once &= crest < FAINT or pump
                 out |= at_once and _before(repeating, head, air[ALIKE], scratch) < TEETH
     elif repeating[newest] < TEETH and _fallen(levels, head, scratch) and _fallen(wholes, head, scratch):
         out = True

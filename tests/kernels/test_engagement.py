@@ -205,6 +205,12 @@ def test_much_noise_out_of_a_room_that_rumbles_is_a_tool_that_enters(crest, rise
     assert all(after[9:])
 
 
+def test_a_tool_that_was_heard_to_enter_does_not_enter_again():
+    """In the cut that follows, as much noise at once is chatter, or a deeper cut."""
+    faint = (*cut(60)[:3], 12.0)
+    assert all(told(cut(60), room(60), faint, cut(60, CUT + 14.0))[140:])
+
+
 def test_what_begins_beside_a_pump_is_a_tool_that_enters():
     """Slowly or at once, louder than the pump or not; but not where something turns, nor for a line without noise."""
     slow, at_once = (told(room(60), cut(60), pump=range(60, 65), leapt=leapt)[60:] for leapt in ((), (60, 61)))
