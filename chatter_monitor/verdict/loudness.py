@@ -89,16 +89,16 @@ class Loudness:
         if self._last and power > LEAP * max(self._last):
             self._since = 0
         self._last.append(power)
-        # of a cut that has not been heard without an alarm nobody knows what turns anyway
-        caught = turning - AS_TURNING * self._usual_turning if self._since >= self._least else 0.0
+        # of a cut that was not heard without an alarm since it leapt nobody knows what turns anyway, or how loud it is
+        known = self._since >= self._least
+        caught = turning - AS_TURNING * self._usual_turning if known else 0.0
         with_caught = power + max(caught, 0.0)
         if self._now is None:
             self._now, self._with_caught = power, with_caught
         self._now += AVERAGING * (power - self._now)
         self._with_caught += AVERAGING * (with_caught - self._with_caught)
         # it has grown if it is loud against what this cut was since it leapt
-        known = suspected and self._since >= self._least
-        grown = known and self._now > LOUD * statistics.median(list(self._calm)[-self._since :])
+        grown = suspected and known and self._now > LOUD * statistics.median(list(self._calm)[-self._since :])
         self._suspected = self._suspected + 1 if grown else 0
         begins = self._suspected >= self._enough
         loud = self._now if alarm or begins else self._with_caught

@@ -172,6 +172,28 @@ def test_what_has_swung_as_far_before_is_no_alarm(swung):
     assert grown.vibrations[0] == growing()  # what others are told stays as it was heard
 
 
+def test_chatter_that_is_over_was_no_swing():
+    """Minutes later, when it is forgotten, the same vibration is an alarm again."""
+    chatter = [evidence(growing(), rms=4.0)] * 20
+    seen = states(*[CALM] * 40, *chatter, *[CALM] * 1400, *chatter[:5])
+    assert "self_excited" in seen[40:60]
+    assert "self_excited" not in seen[1000:1460]
+    assert "self_excited" in seen[1460:]
+
+
+def test_what_leaves_with_the_tool_was_no_swing():
+    """A heavy cut, the air, and a light one, in which it chatters as loud as the heavy one was."""
+    before = [evidence(steady(), rms=4.0)] * 40 + [SILENCE] * 40 + [evidence(steady())] * 100
+    assert "self_excited" in states(*before, *[evidence(growing(), rms=4.0)] * 5)[len(before) :]
+
+
+def test_an_alarm_goes_on_when_its_line_is_taken_out_with_what_turns():
+    """Chatter that catches on the teeth is as loud as it was."""
+    caught = evidence(orders=SPINDLE._replace(synchronous_share=0.95), rms=4.0)
+    seen = states(*[CALM] * 40, *[evidence(growing(), rms=4.0)] * 20, *[caught] * 60)
+    assert seen[60:] == ["self_excited"] * 60
+
+
 def test_what_dies_down_after_chatter_is_not_forced():
     """A vibration that has chattered rings on, as calm as a forced line; little is left, until its damping is back."""
     dying = steady(damping=0.001)
