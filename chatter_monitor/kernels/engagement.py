@@ -8,10 +8,11 @@ in the cut, too; but what begins at once where all was fainter than the cut befo
 begins where nothing but noise was heard, no line and nothing that turns, if it lifts the noise at once as well: a
 vibration that grows by itself comes before the noise that it makes. So is what is there at once, noise or not, where
 lines were faint and nothing repeated, or, before the first cut, lifts the noise by far there: growth takes time, and
-where teeth are heard the tool is in the cut. Lines that stay as they were while all else gets louder are a pump's and
-count as silence. What falls while most of what is heard goes on, fainter, is a cut that gets lighter, or one whose comb
-is taken out from then on. Until there is enough of that to compare with, the tool has left when all of the signal
-falls, comb and all, between the lines, too, and nothing repeats any more.
+where teeth are heard the tool is in the cut, as it is where what got louder within some frames had sounded before.
+Lines that stay as they were while all else gets louder are a pump's and count as silence. What falls while most of what
+is heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on. Until there is
+enough of that to compare with, the tool has left when all of the signal falls, comb and all, between the lines, too,
+and nothing repeats any more.
 """
 
 import math
@@ -56,7 +57,7 @@ def new_air():
 
 
 @njit(**OPTIONS)
-def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, head, air, scratch):
+def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, familiar, head, air, scratch):
     """Whether the tool is in the cut and has been for a moment.
 
     Parameters
@@ -75,6 +76,8 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, h
         Whether the whole became louder at once (`has_leapt`).
     beside : tuple of float
         By how much all has got louder beside a pump, and how far a line of it stands out (`louder_beside_pump`).
+    familiar : bool
+        Whether what stands out most by now did so, less, before all got louder (`kernels.hump`).
     head : int
         Column after the newest, counted from the start without wrapping.
     air : ndarray of float64, shape (9,)
@@ -110,9 +113,9 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, h
             if (louder or pump) and not out:
                 crest = _before(crests, head, air[ALIKE], scratch)
                 pump &= crest < math.inf
-                out = (rose and crest < NOISE) or (pump and rise >= max(NEAR, LONE * crest_beside))
+                out = (rose and crest < NOISE and not familiar) or (pump and rise >= max(NEAR, LONE * crest_beside))
                 # who has heard the tool leave heard it enter since, too
-                at_once = leapt or (rose and rise >= LEAP and air[LEVEL] == -math.inf)
+                at_once = leapt or (rose and rise >= LEAP and air[LEVEL] == -math.inf and not familiar)
                 at_once &= crest < FAINT or pump
                 out |= at_once and _before(repeating, head, air[ALIKE], scratch) < TEETH
     elif repeating[newest] < TEETH and _fallen(levels, head, scratch) and _fallen(wholes, head, scratch):

@@ -12,7 +12,15 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.binding import bound
-from chatter_monitor.kernels.engagement import SINCE, engaged, fell, has_leapt, louder_beside_pump, new_air
+from chatter_monitor.kernels.engagement import (
+    SINCE,
+    engaged,
+    fell,
+    has_leapt,
+    louder_beside_pump,
+    new_air,
+)
+from chatter_monitor.kernels.hump import grew_out_of_hump
 from chatter_monitor.kernels.lanes import as_lanes
 from chatter_monitor.kernels.narrowband import FRAME_HOPS, PARTS, beat, behaviour, put_in_order, variation_beside
 from chatter_monitor.kernels.options import OPTIONS
@@ -236,7 +244,9 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measure
         state.powers[b, column] = state.sums[b + 1] - state.sums[b]
     beside = louder_beside_pump(reliefs, state.powers, state.levels, lowest, counts[FRAMES])
     heard = state.levels, state.totals, state.wholes, state.crests, state.repeating
-    state.cutting[column] = engaged(*heard, fainter, leapt, beside, counts[FRAMES], state.air, state.scratch)
+    familiar = grew_out_of_hump(reliefs, state.powers, state.totals, lowest, counts[FRAMES], state.scratch)
+    told = fainter, leapt, beside, familiar
+    state.cutting[column] = engaged(*heard, *told, counts[FRAMES], state.air, state.scratch)
     low = fell(state.totals, state.wholes, counts[FRAMES], state.air, state.scratch)
     counts[FALLEN] = counts[FALLEN] + 1 if low else 0
     known = min(frames, counts[ALIKE])

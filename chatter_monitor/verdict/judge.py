@@ -10,6 +10,7 @@ from chatter_monitor.kernels.kinds import LOUDER
 from chatter_monitor.kernels.vibrations import JUST_NOW, Rules
 from chatter_monitor.records import Flag, Verdict
 from chatter_monitor.tracking.margin import FRAMES_TO_RENEW, Margin
+from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, spindle_order
 from chatter_monitor.verdict.loudness import Loudness
@@ -24,10 +25,10 @@ AFTER_CHATTER = Margin(reason="the cut chattered just now")
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 
-# From this probability of self-excitation on a cut that has got loud is an alarm.
-SUSPECTED = 0.3
 # Of the intervals that are alarms because of how loud it is, so many were right (development cuts).
 LOUD_RIGHT = 0.98
+# What chatters lifts its surroundings by so much of its own rise, with its sidebands and the noise of the tool.
+LIFTED = 0.3
 
 # Weight of an interval in the average of the shares: what is said does not flicker.
 AVERAGING = 0.15
@@ -123,7 +124,8 @@ class Judge:
         suspect = _grown_suspect(told)
         calm = told.overview.suspicion < self._settings.warning_probability
         powers = evidence.power, evidence.turning
-        loud = self._loudness.hear(*powers, alarm=alarm, suspected=suspect is not None, calm=calm)
+        odds = 0.0 if suspect is None else suspect.self_excited / max(1.0 - suspect.self_excited, 1e-6)
+        loud = self._loudness.hear(*powers, alarm=alarm, odds=odds, calm=calm)
         if alarm or not loud:
             return view
         about = suspect if chattered is None else chattered
@@ -166,10 +168,15 @@ class Judge:
 
 
 def _grown_suspect(told: Told) -> Followed | None:
-    """What may well be chatter and has got louder itself: another line is not why the cut is loud."""
-    suspect = told.suspect if told.overview.heard_suspicion >= SUSPECTED else None
-    grown = suspect is not None and suspect.heard is not None and suspect.heard.line.absolute_rise >= LOUDER
+    """What may be chatter and has got louder itself, beyond its surroundings: a load makes all of them louder."""
+    suspect = told.suspect
+    grown = suspect is not None and suspect.heard is not None and _own_rise(suspect.heard.line) >= LOUDER
     return suspect if grown else None
+
+
+def _own_rise(line: Line) -> float:
+    """By how much a line is louder than it has been, but for what its surroundings are and it did not lift itself."""
+    return min(line.absolute_rise, line.long_rise + LIFTED * line.absolute_rise)
 
 
 def _quiet(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> str | None:

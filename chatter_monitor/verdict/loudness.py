@@ -9,6 +9,7 @@ alarm, the alarm goes on.
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections import deque
 
@@ -16,14 +17,15 @@ from chatter_monitor.kernels.vibrations import AVERAGING
 
 # Seconds of calm cutting that "usual" is the median of; with fewer there is no telling.
 USUAL_S, LEAST_S = 5.0, 1.0
-# How many times the usual power it is for an alarm to begin, for so many seconds in which something is suspected.
-LOUD, SUSPECTED_S = 16.0, 0.25
+# The odds that something is chatter, times how many times as loud as usual it is: from so many on, for so many seconds,
+# an alarm begins, if it is so many times as loud at all. The surer it is, the less loud it has to be.
+SURE_ENOUGH, SUSPECTED_S, LOUD = 6.0, 0.25, 4.0
 # What is so many times as loud as in the last intervals has not grown: it is another cut, or the first.
 LEAP, AT_ONCE = 16.0, 2
 # An alarm as long as this, in seconds, has told how loud what chatters is.
 TELLING_S = 0.5
 # How many times the usual power it is still; and which share of that in the alarm.
-STILL_LOUD, STILL_THERE = 8.0, 0.25
+STILL_LOUD, STILL_THERE = 5.0, 0.3
 # What turns with up to so many times its usual power is no chatter that has caught on the teeth.
 AS_TURNING = 2.0
 # Least weight of an interval in the average of the power in an alarm.
@@ -71,15 +73,17 @@ class Loudness:
         """Take what is loud as explained: no alarm goes on for it."""
         self._suspected, self._alarmed, self._now, self.rise = 0, 0, None, 0.0
 
-    def hear(self, power: float, turning: float, *, alarm: bool, suspected: bool, calm: bool) -> bool:
+    def hear(self, power: float, turning: float, *, alarm: bool, odds: float, calm: bool) -> bool:
         """Hear an interval of cutting.
 
         Parameters
         ----------
         power, turning : float
             Of what does not turn, and of what does.
-        alarm, suspected, calm : bool
-            Whether a line is an alarm; may well be chatter; or none is at all likely to be: only that is usual.
+        alarm, calm : bool
+            Whether a line is an alarm; or none is at all likely to be chatter: only that is usual.
+        odds : float
+            That what has got louder is chatter; 0 for nothing.
 
         Returns
         -------
@@ -98,7 +102,8 @@ class Loudness:
         self._now += AVERAGING * (power - self._now)
         self._with_caught += AVERAGING * (with_caught - self._with_caught)
         # it has grown if it is loud against what this cut was since it leapt
-        grown = suspected and known and self._now > LOUD * statistics.median(list(self._calm)[-self._since :])
+        least = max(LOUD, SURE_ENOUGH / odds) if odds > 0.0 else math.inf
+        grown = known and self._now > least * statistics.median(list(self._calm)[-self._since :])
         self._suspected = self._suspected + 1 if grown else 0
         begins = self._suspected >= self._enough
         loud = self._now if alarm or begins else self._with_caught

@@ -10,6 +10,7 @@ from chatter_monitor.verdict.loudness import (
     LOUD,
     STILL_LOUD,
     STILL_THERE,
+    SURE_ENOUGH,
     SUSPECTED_S,
     TELLING_S,
     USUAL_S,
@@ -18,12 +19,13 @@ from chatter_monitor.verdict.loudness import (
 
 INTERVAL_S = 0.05
 LEAST, TELLING, ENOUGH, WINDOW = (round(s / INTERVAL_S) for s in (LEAST_S, TELLING_S, SUSPECTED_S, USUAL_S))
-CHATTER = 2.0 * LOUD  # times the power of a calm cut
+CHATTER = 32.0  # times the power of a calm cut
+SUSPICIOUS = {"odds": 1.0, "calm": False}
 
 
 def hear(loudness, power, intervals=40, *, turning=0.0, **heard):
     """In how many intervals of that power it is an alarm for its loudness."""
-    heard = {"alarm": False, "suspected": False, "calm": True} | heard
+    heard = {"alarm": False, "odds": 0.0, "calm": True} | heard
     return sum(loudness.hear(power, turning, **heard) for _ in range(intervals))
 
 
@@ -71,7 +73,7 @@ def test_of_a_cut_that_began_with_an_alarm_nobody_knows_what_turns():
 
 def test_what_turns_begins_no_alarm():
     """A load makes what turns louder, too."""
-    assert hear(after(alarm=0), 1.0, 400, turning=100.0 * LOUD, suspected=True, calm=False) == 0
+    assert hear(after(alarm=0), 1.0, 400, turning=100.0 * LOUD, **SUSPICIOUS) == 0
 
 
 def test_it_does_not_come_back_by_itself():
@@ -108,31 +110,44 @@ def test_usual_is_what_was_calm_in_the_last_seconds():
 
 def test_what_is_suspected_is_an_alarm_when_it_gets_loud():
     """Within a quarter of a second, and for as long as it is loud; not where nothing is suspected."""
-    suspicious = {"suspected": True, "calm": False}
 
     def grown():
         loudness = after(alarm=0)
         hear(loudness, 0.9 * LEAP, 2, calm=False)
         return loudness
 
-    assert hear(grown(), 1e2, ENOUGH - 1, **suspicious) == 0
+    assert hear(grown(), 1e2, ENOUGH - 1, **SUSPICIOUS) == 0
     loudness = grown()
-    assert hear(loudness, CHATTER, 40 + ENOUGH, **suspicious) >= 35
+    assert hear(loudness, CHATTER, 40 + ENOUGH, **SUSPICIOUS) >= 35
     assert hear(loudness, CHATTER, 40) == 40
     assert hear(grown(), CHATTER, 40) == 0
-    assert hear(grown(), 0.9 * LOUD, 40, **suspicious) == 0
+
+
+@pytest.mark.parametrize("odds", [0.2, 1.0, 3.0])
+def test_the_surer_it_is_the_less_loud_it_has_to_be(odds):
+    """The odds times how many times as loud it is have to be enough, and it has to be louder at all."""
+    enough = max(LOUD, SURE_ENOUGH / odds)
+
+    def alarmed(power):
+        loudness = after(alarm=0)
+        for step in (0.25, 0.5, 0.75):
+            hear(loudness, step * power, 2, calm=False)
+        return hear(loudness, power, 40, odds=odds, calm=False)
+
+    assert alarmed(1.1 * enough) > 0
+    assert alarmed(0.9 * enough) == 0
 
 
 def test_a_cut_that_begins_loud_is_only_another_cut():
     """What this cut usually is has to be known: that the one before was quieter says nothing."""
     loudness = after(alarm=0)
     loudness.rest()
-    assert hear(loudness, CHATTER, 40, suspected=True, calm=False) == 0
+    assert hear(loudness, CHATTER, 40, **SUSPICIOUS) == 0
 
 
 def test_what_is_loud_at_once_has_not_grown():
     """A tool that enters out of a room in which nothing else was heard to change is no chatter, however suspicious."""
-    assert hear(after(alarm=0), 1.1 * LEAP, 40, suspected=True, calm=False) == 0
+    assert hear(after(alarm=0), 1.1 * LEAP, 40, **SUSPICIOUS) == 0
 
 
 def test_an_alarm_in_what_is_loud_at_once_goes_on():
