@@ -29,6 +29,9 @@ LARGEST_RISE, MOST_TELLING = 3.5, 24.0
 # A lone line lifts the level around it by 0.12 to 0.17 of its own rise (logarithms).
 SKIRTS = 0.15
 
+# What chatters lifts its surroundings by up to so much of its own rise, with its sidebands and the noise of the tool.
+LIFTED = 0.4
+
 # Coefficient of variation of the modulus of narrow-band noise, which is Rayleigh distributed.
 NOISE_VARIATION = math.sqrt(4.0 / math.pi - 1.0)
 
@@ -51,6 +54,7 @@ LINE = np.dtype(
         ("rise", float),
         ("long_rise", float),
         ("absolute_rise", float),
+        ("own_rise", float),
         ("coherence", float),
         ("damping_ratio", float),
         ("order_odds", float),
@@ -141,7 +145,7 @@ def measures(line):
         min(line.variation, 1.0),
         min(max(line.rise, -1.5), LARGEST_RISE),
         min(max(line.long_rise, -1.5), LARGEST_RISE),
-        min(max(line.absolute_rise, -1.5), LARGEST_RISE),
+        min(max(line.own_rise, -1.5), LARGEST_RISE),
         100.0 * min(max(growth, -0.02), 0.0),
         100.0 * min(max(growth, 0.0), 0.02),
         math.log10(min(max(line.damping_ratio, 0.0), 0.1) + 0.001),
@@ -185,6 +189,12 @@ def likeness(line, weights):
     risen = max(min(line.long_rise, line.absolute_rise), line.arrival)
     growth = _bounded(growth + weights[0, MEASURES])
     return Likeness(growth, calm, _bounded(calm - UNLIKELY * max(risen - LOUDER, 0.0)))
+
+
+@njit(**OPTIONS)
+def own_rise(long_rise, absolute_rise):
+    """By how much a line is louder than it has been, but for what its surroundings are and it did not lift itself."""
+    return min(absolute_rise, long_rise + LIFTED * absolute_rise)
 
 
 @njit(**OPTIONS)

@@ -13,7 +13,7 @@ from chatter_monitor.kernels.heard import (
     NEAR_TEETH,
     TEETH_BY_CHANCE,
 )
-from chatter_monitor.kernels.kinds import LOUDER
+from chatter_monitor.kernels.kinds import LOUDER, own_rise
 from chatter_monitor.kernels.lines import (
     ABSOLUTE_RISE,
     ARRIVAL,
@@ -89,6 +89,8 @@ def witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, odds
         seen, line = heard[i], lines[i]
         _copy(seen, line)
         line.power = power
+        if math.isnan(seen[TEETH_BY_CHANCE]):
+            line.own_rise = own_rise(line.long_rise, line.absolute_rise)
         line.arrival = 0.0
         line.carrier = abs(seen[HERTZ] - carrier_hz) < CARRIER_HZ and seen[ABSOLUTE_RISE] > DIED_DOWN
         line.order_odds = OFF_ORDERS if line.carrier else _order_odds(seen, found, spindle, odds)
@@ -119,6 +121,7 @@ def _copy(seen, line):
     line.frequency_hz, line.share, line.prominence_db = seen[HERTZ], seen[SHARE], seen[PROMINENCE]
     line.variation, line.growth_per_s, line.coherence = seen[VARIATION], seen[GROWTH], seen[COHERENCE]
     line.rise, line.long_rise, line.absolute_rise = seen[RISE], seen[LONG_RISE], seen[ABSOLUTE_RISE]
+    line.own_rise = line.absolute_rise
     line.damping_ratio = seen[DAMPING_RATIO]
 
 
@@ -130,6 +133,7 @@ def _add_news(news, line):
     is; so this is for lines off the orders of the spindle, where its speed is known and it is heard.
     """
     line.long_rise, line.absolute_rise = max(line.long_rise, news), max(line.absolute_rise, news)
+    line.own_rise = max(line.own_rise, news)
 
 
 @njit(**OPTIONS)

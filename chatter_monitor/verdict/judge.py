@@ -6,11 +6,10 @@ What each vibration is, is followed by `verdict.vibrations`; what an interval is
 
 from __future__ import annotations
 
-from chatter_monitor.kernels.kinds import LOUDER
+from chatter_monitor.kernels.kinds import LOUDER, own_rise
 from chatter_monitor.kernels.vibrations import JUST_NOW, Rules
 from chatter_monitor.records import Flag, Verdict
 from chatter_monitor.tracking.margin import FRAMES_TO_RENEW, Margin
-from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, spindle_order
 from chatter_monitor.verdict.loudness import Loudness
@@ -26,9 +25,7 @@ AFTER_CHATTER = Margin(reason="the cut chattered just now")
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 
 # Of the intervals that are alarms because of how loud it is, so many were right (development cuts).
-LOUD_RIGHT = 0.98
-# What chatters lifts its surroundings by so much of its own rise, with its sidebands and the noise of the tool.
-LIFTED = 0.3
+LOUD_RIGHT = 0.99
 
 # Weight of an interval in the average of the shares: what is said does not flicker.
 AVERAGING = 0.15
@@ -170,13 +167,10 @@ class Judge:
 def _grown_suspect(told: Told) -> Followed | None:
     """What may be chatter and has got louder itself, beyond its surroundings: a load makes all of them louder."""
     suspect = told.suspect
-    grown = suspect is not None and suspect.heard is not None and _own_rise(suspect.heard.line) >= LOUDER
-    return suspect if grown else None
-
-
-def _own_rise(line: Line) -> float:
-    """By how much a line is louder than it has been, but for what its surroundings are and it did not lift itself."""
-    return min(line.absolute_rise, line.long_rise + LIFTED * line.absolute_rise)
+    if suspect is None or suspect.heard is None:
+        return None
+    line = suspect.heard.line
+    return suspect if own_rise(line.long_rise, line.absolute_rise) >= LOUDER else None
 
 
 def _quiet(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> str | None:

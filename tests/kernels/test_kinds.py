@@ -29,8 +29,8 @@ def line(**about):
     """A line that is this and otherwise unremarkable."""
     usual = {
         "frequency_hz": 1000.0, "share": 0.5, "prominence_db": 20.0, "variation": 0.3, "growth_per_s": 20.0,
-        "rise": 0.7, "long_rise": 1.5, "absolute_rise": 1.7, "coherence": 0.9, "damping_ratio": 0.02, "order_odds": 0.0,
-        "dominance": 0.5, "growth": 0.0, "power": 1.0, "arrival": 0.0,
+        "rise": 0.7, "long_rise": 1.5, "absolute_rise": 1.7, "own_rise": 1.7, "coherence": 0.9, "damping_ratio": 0.02,
+        "order_odds": 0.0, "dominance": 0.5, "growth": 0.0, "power": 1.0, "arrival": 0.0,
         "carrier": False,
     }  # fmt: skip
     return np.array([tuple((usual | about)[name] for name in LINE.names)], LINE)[0]

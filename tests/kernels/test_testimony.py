@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from chatter_monitor.kernels.heard import BY_CHANCE, FIELDS, HERTZ, NEAR, NEAR_TEETH, TEETH_BY_CHANCE
-from chatter_monitor.kernels.kinds import LINE
-from chatter_monitor.kernels.lines import ABSOLUTE_RISE, ARRIVAL, COHERENCE, NEWS, SHARE
+from chatter_monitor.kernels.kinds import LIFTED, LINE
+from chatter_monitor.kernels.lines import ABSOLUTE_RISE, ARRIVAL, COHERENCE, LONG_RISE, NEWS, SHARE
 from chatter_monitor.kernels.testimony import NOT_THIS, witness
 from chatter_monitor.kernels.vibrations import Odds
 
@@ -76,7 +76,16 @@ def test_nothing_is_new_on_an_order_however_dense_they_are():
 def test_news_count_off_the_orders_of_a_spindle_that_is_heard(spindle, place, rise):
     """What is new in this cut counts as risen by as much, but on an order, or where no spindle is heard."""
     (said,) = said_of(np.array([line(500.0, 0.5, place, 0.2, place)]), spindle=spindle)
-    assert (said["long_rise"], said["absolute_rise"]) == (rise, rise)
+    assert (said["long_rise"], said["absolute_rise"], said["own_rise"]) == (rise, rise, rise)
+
+
+@pytest.mark.parametrize(("speed_known", "own"), [(True, 2.0), (False, 0.5 + 2.0 * LIFTED)])
+def test_without_a_speed_what_the_surroundings_have_risen_is_a_load(speed_known, own):
+    """But for what a line lifts by itself; where forced lines are known by their places, all of it counts."""
+    row = line(500.0) if speed_known else line(500.0, by_chance=math.nan, teeth_by_chance=math.nan)
+    row[[LONG_RISE, ABSOLUTE_RISE]] = 0.5, 2.0
+    (said,) = said_of(np.array([row]))
+    assert said["own_rise"] == pytest.approx(own)
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,7 @@ def shift(seed, intervals):
                         rng.uniform(0.0, 3.0) if rising > 0.0 else 0.5,
                         max(rising, 0.0) if number == 1 else rising,  # one dies down with its surroundings
                         -1.0 if number == 1 and rising < 0.0 else rising + 1.0,
+                        rising,
                         rng.uniform(0.7, 1.0),
                         0.01,
                         rng.normal(0.0, 1.5),
@@ -68,7 +69,7 @@ def shift(seed, intervals):
                     )
                 )
         for hertz in rng.uniform(50.0, 6000.0, rng.integers(0, 4)):
-            about = (8.0, 0.5, 0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.9), 0.03, -0.7, 0.01, 0.0, power, 0.0, False)
+            about = (8.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, rng.uniform(0.0, 0.9), 0.03, -0.7, 0.01, 0.0, power, 0.0, False)
             rows.append((hertz, 0.01, *about))
         yield np.array(rows, LINE)
 
