@@ -12,14 +12,7 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.binding import bound
-from chatter_monitor.kernels.engagement import (
-    SINCE,
-    engaged,
-    fell,
-    has_leapt,
-    louder_beside_pump,
-    new_air,
-)
+from chatter_monitor.kernels.engagement import SINCE, engaged, fell, has_leapt, louder_beside_pump, new_air
 from chatter_monitor.kernels.hump import grew_out_of_hump
 from chatter_monitor.kernels.lanes import as_lanes
 from chatter_monitor.kernels.narrowband import FRAME_HOPS, PARTS, beat, behaviour, put_in_order, variation_beside
