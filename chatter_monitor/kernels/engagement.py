@@ -39,6 +39,8 @@ LONE = 0.2
 # Where no line stood out by so much, a tenth of the power, what is louder by so much within so many transforms is the
 # tool: to grow out of a tenth to that in 25 ms, a vibration would have to grow e-fold in 10 ms.
 FAINT, LEAP, AT_ONCE = 15.0 * DECIBEL, 12.0 * DECIBEL, 2
+# An idle machine may ring, too, but so far below its cut.
+RINGING = 20.0 * DECIBEL
 # Teeth are heard, whether any of their lines stands out or not, where so much of the power repeats.
 TEETH = 0.2
 # The tool has entered when the level has not risen by so much in so many frames; it takes a second at most.
@@ -115,7 +117,9 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, f
                 pump &= crest < math.inf
                 out = (rose and crest < NOISE and not familiar) or (pump and rise >= max(NEAR, LONE * crest_beside))
                 # who has heard the tool leave heard it enter since, too
-                at_once = leapt or (rose and rise >= LEAP and air[LEVEL] == -math.inf and not familiar)
+                lifts = rose and rise >= LEAP and air[LEVEL] == -math.inf
+                rings = power - powers[then] >= RINGING
+                at_once = (leapt and (rings or not familiar)) or (lifts and not familiar)
                 at_once &= crest < FAINT or pump
                 out |= at_once and _before(repeating, head, air[ALIKE], scratch) < TEETH
     elif repeating[newest] < TEETH and _fallen(levels, head, scratch) and _fallen(wholes, head, scratch):

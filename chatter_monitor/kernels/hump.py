@@ -8,9 +8,13 @@ import math
 
 from numba import njit
 
-from chatter_monitor.kernels.engagement import BEFORE, FALL, FALLING, NEAR
+from chatter_monitor.kernels.engagement import BEFORE, DECIBEL, FALL, FALLING
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.prominence import AROUND, LOBE
+
+# A hump is higher than its sides by so much, four standard deviations of a second of noise, and what has grown out of
+# it by as much more.
+HUMP = 3.0 * DECIBEL
 
 
 @njit(**OPTIONS)
@@ -48,7 +52,7 @@ def grew_out_of_hump(reliefs, powers, totals, lowest, head, scratch):
         below = _mean(before, here - LOBE - AROUND, here - LOBE)
         above = _mean(before, here + LOBE + 1, here + LOBE + 1 + AROUND)
         hump = max(hump, before[here] - max(below, above))
-    return NEAR <= hump <= reliefs[highest, newest] - NEAR
+    return HUMP <= hump <= reliefs[highest, newest] - HUMP
 
 
 @njit(**OPTIONS)

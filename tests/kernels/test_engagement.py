@@ -205,13 +205,19 @@ def test_much_noise_out_of_a_room_that_rumbles_is_a_tool_that_enters(crest, rise
     assert all(after[9:])
 
 
-@pytest.mark.parametrize("crest", [NOISE, 12.0])
-def test_what_grew_out_of_a_hump_is_no_tool_that_enters(crest):
-    """What sounded before was in the cut; but what leaps is the tool all the same, for an idle machine rings, too."""
-    heard = room(60, crest=crest), cut(60, AIR + 20.0)
-    assert not all(told(*heard))
-    assert all(told(*heard, familiar=range(60, 65)))
-    assert not all(told(*heard, familiar=range(60, 65), leapt=(60, 61)))
+@pytest.mark.parametrize(("crest", "rise", "leapt"), [(NOISE, 20.0, ()), (12.0, 20.0, ()), (12.0, 6.0, (60, 61))])
+def test_what_grew_out_of_a_hump_is_no_tool_that_enters(crest, rise, leapt):
+    """What sounded before was in the cut, whether its noise lifts the level or it leaps."""
+    heard = room(60, AIR, tone=AIR + 5.0, crest=crest), cut(60, AIR + rise)
+    assert not all(told(*heard, leapt=leapt))
+    assert all(told(*heard, leapt=leapt, familiar=range(60, 65)))
+
+
+@pytest.mark.parametrize(("louder", "enters"), [(18.0, False), (22.0, True)])
+def test_an_idle_machine_that_rings_is_far_fainter_than_its_cut(louder, enters):
+    """A hump, too, but what leaps by more than 20 dB out of it is the tool."""
+    heard = room(60, crest=12.0), (60, AIR + 2.0, AIR + louder, STANDS_OUT)
+    assert all(told(*heard, leapt=(60, 61), familiar=range(60, 65))) is not enters
 
 
 def test_a_tool_that_was_heard_to_enter_does_not_enter_again():

@@ -43,9 +43,16 @@ def test_a_slope_is_no_hump(at):
     assert not grew(COLOURS["rumbling"], at=at)
 
 
-def test_what_stands_out_no_more_than_before_has_not_grown():
+@pytest.mark.parametrize(("stands_out", "grown"), [(9.5, False), (12.5, True)])
+def test_what_stands_out_no_more_than_before_has_not_grown(stands_out, grown):
     """All of it has got louder: another cut."""
-    assert not grew(hump(8.0), stands_out=9.0)
+    assert grew(hump(8.0), stands_out=stands_out) is grown
+
+
+@pytest.mark.parametrize(("decibels", "is_one"), [(2.0, False), (5.0, True)])
+def test_a_hump_is_higher_than_noise_is_by_chance(decibels, is_one):
+    """Three decibels over the higher of its sides."""
+    assert grew(hump(decibels)) is is_one
 
 
 def test_what_is_not_far_louder_is_not_looked_at():
