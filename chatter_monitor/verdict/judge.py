@@ -91,8 +91,8 @@ class Judge:
 
     def _follow(self, memory: Memory, evidence: Evidence) -> Memory:
         """Follow what an interval shows."""
-        unheard = evidence.orders.spindle[0] is not None and not evidence.orders.spindle_heard
-        rules = Rules(self._settings.alarm_probability, self._settings.calm_probability, unheard=unheard)
+        settings, unheard = self._settings, _unheard(evidence)
+        rules = Rules(settings.alarm_probability, settings.calm_probability, unheard=unheard)
         calm = memory.since_alarm >= JUST_NOW
         told = self._following.follow(evidence, rules, self._loudness.usual, calm=calm)
         synchronous = evidence.orders.synchronous_share
@@ -118,7 +118,7 @@ class Judge:
         found = evidence.orders.source == "found" and not memory.found
         if not alarm and (found or (chattered is not None and chattered.glided)):  # what turns explains it, or may
             self._loudness.forget()
-        suspect = _grown_suspect(told)
+        suspect = _grown_suspect(told, unheard=_unheard(evidence))
         calm = told.overview.suspicion < self._settings.warning_probability
         powers = evidence.power, evidence.turning
         odds = 0.0 if suspect is None else suspect.self_excited / max(1.0 - suspect.self_excited, 1e-6)
@@ -164,10 +164,18 @@ class Judge:
         )
 
 
-def _grown_suspect(told: Told) -> Followed | None:
-    """What may be chatter and has got louder itself, beyond its surroundings: a load makes all of them louder."""
+def _unheard(evidence: Evidence) -> bool:
+    """Whether a speed has been told and no spindle is heard at it."""
+    return evidence.orders.spindle[0] is not None and not evidence.orders.spindle_heard
+
+
+def _grown_suspect(told: Told, *, unheard: bool) -> Followed | None:
+    """What may be chatter and has got louder itself, beyond its surroundings: a load makes all of them louder.
+
+    Nothing on the orders of a speed that was told and is not heard yet: it may be what turns.
+    """
     suspect = told.suspect
-    if suspect is None or suspect.heard is None:
+    if suspect is None or suspect.heard is None or (unheard and suspect.heard.on_order):
         return None
     line = suspect.heard.line
     return suspect if own_rise(line.long_rise, line.absolute_rise) >= LOUDER else None

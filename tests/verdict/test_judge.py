@@ -390,6 +390,19 @@ def test_a_cut_gets_loud_by_a_line_only_if_that_has_got_louder(beyond, risen, st
 
 
 @pytest.mark.parametrize(
+    ("orders", "on_order", "alarm"), [(TOLD, True, False), (TOLD, False, True), (SPINDLE, True, True)]
+)
+def test_a_cut_gets_loud_by_no_order_of_a_speed_that_is_not_heard_yet(orders, on_order, alarm):
+    """What is on one may be what turns, until that is heard; a spindle that is heard is taken out by then."""
+    share = 0.5 if on_order else 0.35
+    suspicious = [evidence(growing(on_order=on_order, share=share), orders=orders)] * 3
+    line = Line(HZ, share, 30.0, 0.02, 0.0, 0.0, 0.9, 0.9, 0.99)
+    stays = Vibration(line, mode(0.0), *[Place(on_order, 0.2)] * 2)
+    loud = [evidence(stays, orders=orders, rms=rms) for rms in (1.5, 3.0, *[6.0] * 20)]
+    assert (states(*[CALM] * 40, *suspicious, *loud)[-1] == "self_excited") is alarm
+
+
+@pytest.mark.parametrize(
     ("about", "orders", "warned"),
     [
         ({}, UNKNOWN_SPEED, True),
