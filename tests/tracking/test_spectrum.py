@@ -184,6 +184,21 @@ def test_a_tool_enters_a_room_in_which_a_pump_hums(enters, hum):
     assert not any(entering[:30] + entering[40:])
 
 
+@pytest.mark.parametrize("sounded", [True, False])
+def test_what_sets_in_at_once_where_a_mode_had_sounded_has_risen(sounded):
+    """Chatter of 20 dB within 50 ms, out of the noise of a cut that gets deeper; out of a room it is the tool."""
+    t = times(3.0)
+    before = (0.2 if sounded else 0.0) * vibration(len(t), [(1000.0, 0.01)], seed=5)
+    chatter = np.clip((t - 1.5) / 0.05, 0.0, 1.0) * (15.0 * np.sin(2 * np.pi * 1010.0 * t) + noise(len(t), 3.0, seed=6))
+    spectrum, entered = Spectrum(RATE_HZ, INTERVAL), False
+    for first in range(0, 40 * INTERVAL, INTERVAL):
+        lines = named(spectrum, (before + noise(len(t), 1.0) + chatter)[first : first + INTERVAL])
+        entered |= spectrum.entering or not spectrum.cutting
+    assert entered is not sounded
+    (line,) = [line for line in lines if line.share > 0.5]
+    assert (min(line.long_rise, line.absolute_rise) > 0.8) is sounded
+
+
 def test_lines_come_most_prominent_first():
     """Of two tones the stronger one is first, and they are told apart."""
     t = times(1.0)
