@@ -32,7 +32,7 @@ from chatter_monitor.verdict.vibrations import Following, lines_of
 
 NOISE, GROWTH, CALM = range(3)
 MEASURES = (
-    *("prominence", "share", "coherence", "tightness", "variation", "rise", "long_rise", "absolute_rise"),
+    *("prominence", "share", "coherence", "tightness", "variation", "rise", "long_rise", "own_rise"),
     *("decay", "growth", "log_damping"),
 )
 # Growth makes these larger, or smaller.

@@ -39,11 +39,11 @@ MEASURES = 11
 # Lag of the coherence of a line.
 COHERENCE_LAG_S = 0.025
 
-# A line of the short-time spectrum (`tracking.spectrum.Line`), with the damping ratio of the tracker's mode at it, or
-# its own where there is none, its log odds for self-excitation by its place among the orders, the share of the power
-# that its vibration takes, by how much it has grown from rotation to rotation (natural logarithm), that power, by how
-# much it stands out more than before the tool entered, where nothing that turns explains that, and whether it has
-# sidebands of which it is no multiple.
+# A line of the short-time spectrum (`tracking.spectrum.Line`), with how much of its rise counts as its own, the damping
+# ratio of the tracker's mode at it, or its own where there is none, its log odds for self-excitation by its place among
+# the orders, the share of the power that its vibration takes, by how much it has grown from rotation to rotation
+# (natural logarithm), that power, by how much it stands out more than before the tool entered, where nothing that turns
+# explains that, and whether it has sidebands of which it is no multiple.
 LINE = np.dtype(
     [
         ("frequency_hz", float),
@@ -131,9 +131,9 @@ def measures(line):
     """Bounded measures of a line, a record of `LINE`, in the order of the weights.
 
     Prominence (10 dB), log odds of the share of power, coherence after 25 ms (as -log(1 - c)) and the damping ratio
-    that it would come from (as -log10), variation of the amplitude, rise within one second and within eight, and the
-    latter with that of the surroundings (natural logarithm), decay and growth (as damping ratios in percent), logarithm
-    of the damping ratio.
+    that it would come from (as -log10), variation of the amplitude, rise within one second and within eight, and as
+    much of the latter with that of the surroundings as is its own (natural logarithm), decay and growth (as damping
+    ratios in percent), logarithm of the damping ratio.
     """
     share = min(max(line.share, 0.01), 0.99)
     growth = line.growth_per_s / (2.0 * math.pi * line.frequency_hz)

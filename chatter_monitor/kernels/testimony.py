@@ -89,8 +89,6 @@ def witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, odds
         seen, line = heard[i], lines[i]
         _copy(seen, line)
         line.power = power
-        if math.isnan(seen[TEETH_BY_CHANCE]):
-            line.own_rise = own_rise(line.long_rise, line.absolute_rise)
         line.arrival = 0.0
         line.carrier = abs(seen[HERTZ] - carrier_hz) < CARRIER_HZ and seen[ABSOLUTE_RISE] > DIED_DOWN
         line.order_odds = OFF_ORDERS if line.carrier else _order_odds(seen, found, spindle, odds)
@@ -121,7 +119,9 @@ def _copy(seen, line):
     line.frequency_hz, line.share, line.prominence_db = seen[HERTZ], seen[SHARE], seen[PROMINENCE]
     line.variation, line.growth_per_s, line.coherence = seen[VARIATION], seen[GROWTH], seen[COHERENCE]
     line.rise, line.long_rise, line.absolute_rise = seen[RISE], seen[LONG_RISE], seen[ABSOLUTE_RISE]
-    line.own_rise = line.absolute_rise
+    # where the speed is unknown what the surroundings have risen may be a load's
+    unknown = math.isnan(seen[TEETH_BY_CHANCE])
+    line.own_rise = own_rise(line.long_rise, line.absolute_rise) if unknown else line.absolute_rise
     line.damping_ratio = seen[DAMPING_RATIO]
 
 

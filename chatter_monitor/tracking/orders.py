@@ -152,6 +152,11 @@ class Orders(NamedTuple):
         """Whether that is the spindle, of a told speed that nothing speaks against, and not another comb alone."""
         return self.source == "refined" and bool(self.lines) and self.heard
 
+    @property
+    def spindle_unheard(self) -> bool:
+        """Whether a speed has been told and no spindle is heard at it."""
+        return self.spindle[0] is not None and not self.spindle_heard
+
 
 class OrderTracker:
     """Takes what turns out of one channel, sample by sample, without delay.

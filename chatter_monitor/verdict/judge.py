@@ -91,7 +91,7 @@ class Judge:
 
     def _follow(self, memory: Memory, evidence: Evidence) -> Memory:
         """Follow what an interval shows."""
-        settings, unheard = self._settings, _unheard(evidence)
+        settings, unheard = self._settings, evidence.orders.spindle_unheard
         rules = Rules(settings.alarm_probability, settings.calm_probability, unheard=unheard)
         calm = memory.since_alarm >= JUST_NOW
         told = self._following.follow(evidence, rules, self._loudness.usual, calm=calm)
@@ -118,7 +118,7 @@ class Judge:
         found = evidence.orders.source == "found" and not memory.found
         if not alarm and (found or (chattered is not None and chattered.glided)):  # what turns explains it, or may
             self._loudness.forget()
-        suspect = _grown_suspect(told, unheard=_unheard(evidence))
+        suspect = _grown_suspect(told, unheard=evidence.orders.spindle_unheard)
         calm = told.overview.suspicion < self._settings.warning_probability
         powers = evidence.power, evidence.turning
         odds = 0.0 if suspect is None else suspect.self_excited / max(1.0 - suspect.self_excited, 1e-6)
@@ -162,11 +162,6 @@ class Judge:
             reasons=[*view.reasons, reasons.DOUBTED] if doubted else list(view.reasons),
             flags=evidence.flags.names(),
         )
-
-
-def _unheard(evidence: Evidence) -> bool:
-    """Whether a speed has been told and no spindle is heard at it."""
-    return evidence.orders.spindle[0] is not None and not evidence.orders.spindle_heard
 
 
 def _grown_suspect(told: Told, *, unheard: bool) -> Followed | None:
