@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.verdict import milling
-from benchmarks.verdict.cut import RATE_HZ
+from benchmarks.verdict.cut import INTERVAL_S, RATE_HZ
 from benchmarks.verdict.monitor import watch
 
 SEEDS = (2, 3, 4)
@@ -41,31 +41,49 @@ def off_orders(samples, rotation_hz):
 def test_chatter_leaves_the_orders(seed):
     """A stable cut is in the multiples of its rotation, deep beyond the limit it is not; before, there is the room."""
     mill = replace(milling.draw(seed), chatters=True, ramp=False, over=1.8, wander=0.0, derivative=1, unsteady=0.03)
-    samples = milling.simulate(mill)
+    samples, chatters = milling.simulate(mill)
     stable, deep = (samples[int(at_s * RATE_HZ) :][: int(2 * RATE_HZ)] for at_s in (3.0, 8.0))
     assert off_orders(stable, mill.rotation_hz) < 0.3
     assert off_orders(deep, mill.rotation_hz) > 0.4
     assert deep.std() > 3.0 * stable.std() > 9.0 * samples[: int(0.9 * RATE_HZ)].std()
-    assert np.array_equal(samples, milling.simulate(mill))
+    assert np.array_equal(samples, milling.simulate(mill)[0])
+    at = round(milling.DEEPER / INTERVAL_S)
+    assert not chatters[round(2.0 / INTERVAL_S) : at - 1].any()
+    assert chatters[at + 4 : round(milling.SHALLOW / INTERVAL_S)].mean() > 0.95
 
 
-@pytest.mark.parametrize(("under", "cut"), [(0.5, ["stable", "chatters", "calms"]), (1.5, 3 * ["chatters"])])
-def test_what_is_deep_from_the_first_contact_on_chatters_all_along(under, cut):
-    """It is scored so, and no stable or calming stretch is made of it."""
-    mill = replace(milling.draw(2), chatters=True, under=under)
-    samples = np.zeros(round(milling.ENDS * RATE_HZ))
-    assert [passage.doing for passage in milling.passages(mill, samples)] == ["idle", *cut, "idle"]
+def test_what_loses_contact_but_repeats_does_not_chatter():
+    """Beyond the limit of a cut whose teeth all stay in the chip, by 92 %: these leave it, and nothing grows."""
+    mill = milling.draw(1402)
+    samples, chatters = milling.simulate(mill)
+    deep = samples[int(8 * RATE_HZ) : int(10 * RATE_HZ)]
+    assert mill.chatters
+    assert mill.over > 1.9
+    assert off_orders(deep, mill.rotation_hz) < 0.1
+    assert not chatters[round((milling.DEEPER + 0.5) / INTERVAL_S) : round(milling.SHALLOW / INTERVAL_S) - 1].any()
+
+
+def test_a_score_counts_what_is_due():
+    """Chatter from its own onset on, wherever the cut gets deeper; alarms before it are false."""
+    mill = replace(milling.draw(2), under=0.5)
+    chatters, alarm = np.zeros((2, 278), bool)
+    chatters[140:215] = True
+    alarm[130], alarm[150:212], alarm[211:250] = True, True, True
+    score = milling.Score()
+    score.add(alarm, chatters, mill)
+    assert (score.chatter, score.told) == (67, 60)
+    assert (score.stable, score.false) == (2, 1)
+    assert score.lags_s == pytest.approx([0.55])
+    score.add(np.zeros(278, bool), np.zeros(278, bool), mill)
+    assert (score.chatter, score.stable, score.false, len(score.lags_s)) == (67, 4, 1, 1)
 
 
 def test_chatter_from_the_first_contact_is_told_without_a_speed():
     """By its sidebands, two seconds after the first contact, to the end: no comb that is found in them hides it."""
     mill = milling.draw(519)
     mill = replace(mill, under=mill.over)
-    states = [
-        state
-        for remarks in watch(milling.passages(mill, milling.simulate(mill)), announce=False)
-        for state in remarks.states
-    ]
+    passages = milling.passages(mill, milling.simulate(mill)[0])
+    states = [state for remarks in watch(passages, announce=False) for state in remarks.states]
     contact, end = (round(at_s / 0.05) for at_s in (milling.ENTERS, milling.LEAVES))
     assert states.index("self_excited", contact) < contact + 45
     assert states[contact + 45 : end].count("self_excited") > 0.98 * (end - contact - 45)
