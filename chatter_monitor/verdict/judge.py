@@ -12,6 +12,7 @@ from chatter_monitor.records import Flag, Verdict
 from chatter_monitor.tracking.margin import FRAMES_TO_RENEW, Margin
 from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, spindle_order
+from chatter_monitor.verdict.irregularity import Irregularity
 from chatter_monitor.verdict.loudness import Loudness
 from chatter_monitor.verdict.opinion import Memory, Opinion, entering, is_undamped, opinion, stands_for
 from chatter_monitor.verdict.settings import JudgeSettings
@@ -51,6 +52,7 @@ class Judge:
         self._memory = Memory()
         self._following = Following()
         self._loudness = Loudness(interval_s)
+        self._irregularity = Irregularity(interval_s)
 
     def set_thresholds(self, settings: JudgeSettings) -> None:
         """Judge by other thresholds, from the next interval on; what is remembered stays."""
@@ -110,6 +112,7 @@ class Judge:
         """Nothing is cut, or a cut begins: of the one before only what has chattered is remembered."""
         self._following.rest(forget=evidence.alone)
         self._loudness.rest()
+        self._irregularity.rest()
 
     def _by_loudness(self, view: Opinion, evidence: Evidence, memory: Memory) -> Opinion:
         """What an interval of cutting is called: how loud it is makes an alarm of a warning, and ends one."""
@@ -122,7 +125,12 @@ class Judge:
         calm = told.overview.suspicion < self._settings.warning_probability
         powers = evidence.power, evidence.turning
         odds = 0.0 if suspect is None else suspect.self_excited / max(1.0 - suspect.self_excited, 1e-6)
-        loud = self._loudness.hear(*powers, alarm=alarm, odds=odds, calm=calm)
+        undisturbed = not alarm and memory.since_alarm >= JUST_NOW
+        irregular = self._irregularity.hear(evidence.rms**2, evidence.orders.repeating_share, calm=undisturbed)
+        loud = self._loudness.hear(*powers, alarm=alarm or irregular, odds=odds, calm=calm and not irregular)
+        if irregular and not alarm:
+            loudest = max(evidence.vibrations, key=lambda vibration: vibration.line.share, default=None)
+            return Opinion("self_excited", LOUD_RIGHT, (reasons.irregular(self._irregularity.rise),), loudest)
         if alarm or not loud:
             return view
         about = suspect if chattered is None else chattered

@@ -53,6 +53,11 @@ def loud(suspect: Followed, rise: float) -> str:
     return f"{_line(suspect)} has risen, and the cut is {10.0 * math.log10(rise):.0f} dB louder than before"
 
 
+def irregular(rise: float) -> str:
+    """That the cut is in no order any more, and has so many times its usual power."""
+    return f"no two rotations are alike any more, and the cut is {10.0 * math.log10(rise):.0f} dB louder than before"
+
+
 def still_loud(rise: float) -> str:
     """That an alarm goes on, because the power is so many times what it was before."""
     return f"the vibration has not died down since the alarm: {10.0 * math.log10(rise):.0f} dB above the cut before it"

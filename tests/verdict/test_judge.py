@@ -365,6 +365,21 @@ def test_an_alarm_goes_on_until_the_cut_gets_quieter():
     assert "self_excited" not in [verdict.state for verdict in seen[-20:]]
 
 
+def test_bursts_in_no_order_are_an_alarm_until_the_tool_has_left():
+    """Teeth that repeated and now hit what they find, ten times harder, now and then; no line of that is coherent."""
+    milling = Orders(0, None, None, None, 0.0, repeating_share=0.9)
+    broken = milling._replace(repeating_share=0.3)
+    line = Vibration(Line(HZ, 0.7, 18.0, 1.1, 0.0, 0.0, 0.0, 2.5, 0.3), mode(0.03))
+    bursts = [evidence(line, orders=broken, rms=rms) for rms in 10 * (5.0, 20.0, 12.0)]
+    verdicts = judged(*[evidence(orders=milling)] * 40, *bursts, *[SILENCE] * 5)
+    alarms = [verdict for verdict in verdicts if verdict.state == "self_excited"]
+    assert 18 <= len(alarms) < 30
+    assert all(verdict.t0 >= 2.0 for verdict in alarms)
+    assert {verdict.frequency_hz for verdict in alarms} == {HZ}
+    assert alarms[-1].reasons == ["no two rotations are alike any more, and the cut is 22 dB louder than before"]
+    assert {verdict.state for verdict in verdicts[-5:]} == {"idle"}
+
+
 def test_what_is_suspected_is_an_alarm_when_the_cut_gets_loud():
     """A line that may be forced as well is one in a cut that is 15 dB louder within a moment; it says which and why."""
     doubtful = growing(on_order=True, share=0.5)
