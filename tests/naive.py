@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import argrelmax
 from scipy.special import expit
 from scipy.stats import linregress, rayleigh
 
@@ -163,14 +164,23 @@ def growth(amplitudes: NDArray[np.complex128]) -> float:
 
 
 def rise(
-    reliefs: NDArray[np.float64], levels: NDArray[np.float64], cutting: NDArray[np.bool_], since: int, b: int
+    reliefs: NDArray[np.float64],
+    levels: NDArray[np.float64],
+    cutting: NDArray[np.bool_],
+    since: int,
+    b: int,
+    powers: NDArray[np.float64] | None = None,
 ) -> float:
     """Logarithm of the newest amplitude of a line (oldest row first) over its upper median, by its prominence.
 
+    With the powers of all bins, what stands out on the slope of another line is nothing, unless the line is on one yet.
     Rows in which nothing was cut, and whose level (logarithm of the power) is 25 dB below the newest, do not count.
     It is the smaller of the rise above the rows since the tool entered, and above all.
     """
     heights = reliefs[:, b - 1 : b + 2].max(axis=1)
+    if powers is not None:
+        slope = [not set(argrelmax(row)[0]) & {b - 1, b, b + 1} for row in powers]
+        heights = np.where(slope, np.minimum(heights, 0.0), heights) if not slope[-1] else heights
     counts = cutting & (levels > levels[-1] - 5.8)
     last = np.arange(len(heights)) >= len(heights) - since
     usual = [np.sort(heights[some])[np.sum(some) // 2] for some in (counts, counts & last)]

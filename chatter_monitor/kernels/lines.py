@@ -19,7 +19,7 @@ from chatter_monitor.kernels.narrowband import FRAME_HOPS, PARTS, beat, behaviou
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.prominence import TINY, crest, most_prominent, recent_power, share, stand_out
 from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
-from chatter_monitor.kernels.rise import arrival, compared, news, rise
+from chatter_monitor.kernels.rise import arrival, compared, line_rise, news, power_rise
 from chatter_monitor.kernels.transform import real_transform
 
 # A line that stands out neither twice nor half as much as before (natural logarithm of the amplitude).
@@ -257,13 +257,13 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measure
         out[VARIATION], out[GROWTH], out[COHERENCE] = behaviour(line, scratch)
         out[BIN] = b + beat(line, state.turns.shape[0] / hop, crest(power, b))
         out[PROMINENCE] = relief[b]
-        out[RISE] = rise(reliefs, columns[:recent], min(here, recent), b, scratch)
-        out[LONG_RISE] = rise(reliefs, columns[:long], here, b, scratch)
-        out[ABSOLUTE_RISE] = rise(state.powers, columns[:long], here, b, scratch)
+        out[RISE] = line_rise(reliefs, state.powers, columns[:recent], min(here, recent), b, scratch)
+        out[LONG_RISE] = line_rise(reliefs, state.powers, columns[:long], here, b, scratch)
+        out[ABSOLUTE_RISE] = power_rise(state.powers, columns[:long], here, b, scratch)
         if 0 < counts[FALLEN] < known:  # nothing has risen out of what was louder
-            above = rise(reliefs, columns[:fallen], min(here, fallen), b, scratch)
+            above = line_rise(reliefs, state.powers, columns[:fallen], min(here, fallen), b, scratch)
             out[RISE], out[LONG_RISE] = min(out[RISE], above), min(out[LONG_RISE], above)
-            above = rise(state.powers, columns[:fallen], min(here, fallen), b, scratch)
+            above = power_rise(state.powers, columns[:fallen], min(here, fallen), b, scratch)
             out[ABSOLUTE_RISE] = min(out[ABSOLUTE_RISE], above)
         if abs(out[LONG_RISE]) < AS_BEFORE:  # it may go with the rest
             out[VARIATION] = min(out[VARIATION], variation_beside(line, state.levels, counts[FRAMES], scratch))

@@ -49,15 +49,15 @@ def compared(levels, cutting, head, frames, columns):
 
 
 @njit(**OPTIONS)
-def rise(heights, columns, here, b, scratch):
-    """Half the height of a bin, less its median over the last frames: growth, of prominences that which is not shared.
+def power_rise(powers, columns, here, b, scratch):
+    """By how much a bin has risen: half of its power's logarithm, less its median over the last frames.
 
     What has grown has risen above what it was since the tool entered, and above what it was in the cuts before.
 
     Parameters
     ----------
-    heights : ndarray, shape (bins, size)
-        Ring of prominences (`prominence.stand_out`) or of logarithms of the power, a column for each frame.
+    powers : ndarray, shape (bins, size)
+        Ring of logarithms of the power, a column for each frame.
     columns : ndarray of int64, shape (n,)
         Of the frames that count (`compared`).
     here : int
@@ -67,20 +67,49 @@ def rise(heights, columns, here, b, scratch):
     scratch : ndarray, shape (>= n,)
         Work space.
     """
-    if columns.shape[0] == 0:
-        return 0.0
-    newest, usual = _newest_and_median(heights, columns, b, scratch)
-    if here < columns.shape[0]:
-        usual = max(usual, _newest_and_median(heights, columns[:here], b, scratch)[1])
-    return 0.5 * (newest - usual)
+    return _rise(powers, powers, False, columns, here, b, scratch)
 
 
 @njit(**OPTIONS)
-def _newest_and_median(heights, columns, b, scratch):
-    """Height of a bin in the newest of some frames, and median over them."""
+def line_rise(reliefs, powers, columns, here, b, scratch):
+    """The same of a prominence (`prominence.stand_out`), of which there is a ring: growth that is not shared.
+
+    Where the bin was on the slope of another line, what stood out there was that one's.
+    """
+    peak = columns.shape[0] > 0 and not _is_slope(powers, b, columns[0])
+    return _rise(reliefs, powers, peak, columns, here, b, scratch)
+
+
+@njit(**OPTIONS)
+def _rise(heights, powers, peak, columns, here, b, scratch):
+    """Rise of a bin, which by now is a peak or counts as it did."""
+    if columns.shape[0] == 0:
+        return 0.0
+    usual = _usual(heights, powers, peak, columns, b, scratch)
+    if here < columns.shape[0]:
+        usual = max(usual, _usual(heights, powers, peak, columns[:here], b, scratch))
+    return 0.5 * (height(heights, b, columns[0]) - usual)
+
+
+@njit(**OPTIONS)
+def _usual(heights, powers, peak, columns, b, scratch):
+    """Median height of a bin over some frames."""
     for i in range(columns.shape[0]):
         scratch[i] = height(heights, b, columns[i])
-    return scratch[0], median_of_many(scratch[: columns.shape[0]])
+        if peak and _is_slope(powers, b, columns[i]):
+            scratch[i] = min(scratch[i], 0.0)
+    return median_of_many(scratch[: columns.shape[0]])
+
+
+@njit(**OPTIONS)
+def _is_slope(powers, b, column):
+    """Whether neither a bin nor one of the next is a maximum in a frame."""
+    for at in range(b - 1, b + 2):
+        below = powers[at - 1, column] if at > 0 else -math.inf
+        above = powers[at + 1, column] if at + 1 < powers.shape[0] else -math.inf
+        if powers[at, column] >= max(below, above):
+            return False
+    return True
 
 
 @njit(inline="always", **OPTIONS)

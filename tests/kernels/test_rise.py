@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chatter_monitor.kernels.rise import HEARD, arrival, compared, news, rise
+from chatter_monitor.kernels.rise import HEARD, arrival, compared, line_rise, news, power_rise
 from tests import naive
 from tests.kernels.rings import BINS
 
 
-def risen(heights, levels, cutting, since, head, frames, b):
-    """Rise of a bin, over the frames that count."""
+def risen(heights, levels, cutting, since, head, frames, b, powers=None):
+    """Rise of a bin, over the frames that count; of its prominence, if there are powers besides."""
     columns = np.zeros(len(levels), np.int64)
     here = compared(levels, cutting, head, min(frames, since), columns)
-    return rise(heights, columns[: compared(levels, cutting, head, frames, columns)], here, b, np.zeros(len(levels)))
+    how = columns[: compared(levels, cutting, head, frames, columns)], here, b, np.zeros(len(levels))
+    return power_rise(heights, *how) if powers is None else line_rise(heights, powers, *how)
 
 
 @pytest.mark.parametrize(("head", "frames"), [(9, 5), (9, 9), (30, 7), (30, 12), (30, 40), (2, 12)])
@@ -33,6 +34,32 @@ def test_rise_is_that_of_the_twin(head, frames, spread, idle, since):
     last = slice(-min(frames, rows), None)
     expected = naive.rise(history[last], loudness[last], in_the_cut[last], since, b)
     assert risen(kept, levels, cutting, since, head, frames, b) == pytest.approx(expected)
+    for seed in range(4):  # on a slope by now, or not
+        powers = np.random.default_rng(seed).standard_normal((BINS, rows))
+        in_order = powers[:, (np.arange(head - len(history[last]), head)) % rows].T
+        expected = naive.rise(history[last], loudness[last], in_the_cut[last], since, b, in_order)
+        assert risen(kept, levels, cutting, since, head, frames, b, powers) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("aside", "hides"), [(0, True), (1, True), (2, False), (3, False)])
+def test_a_line_has_not_been_what_another_one_was(aside, hides):
+    """It may wander by a bin; two bins aside it was the slope of the one that was there."""
+    rows, b = 12, 20
+    bins = np.arange(BINS)[:, np.newaxis]
+    then = 40.0 - 6.0 * abs(bins - (b - aside)) + np.zeros(rows - 1)
+    powers = np.column_stack([then, 40.0 - 6.0 * abs(bins - b)])
+    reliefs = np.maximum(powers - 10.0, -3.0)
+    rise = risen(reliefs, np.zeros(rows), np.ones(rows, bool), 99, rows, rows, b, powers)
+    assert rise == pytest.approx(0.0 if hides else 15.0)
+
+
+def test_what_is_on_a_slope_yet_has_been_there_before():
+    """A faint line beside a loud one stands out there all along."""
+    rows, b = 12, 20
+    powers = 40.0 - 6.0 * abs(np.arange(BINS) - (b - 3))[:, np.newaxis] + np.zeros(rows)
+    reliefs = np.ones((BINS, rows))
+    reliefs[b] = 8.0
+    assert risen(reliefs, np.zeros(rows), np.ones(rows, bool), 99, rows, rows, b, powers) == 0.0
 
 
 def test_the_first_frame_has_not_risen():
