@@ -107,12 +107,10 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, f
             air[LEVEL], air[LIMIT], air[CUT] = level, max(power_before - FALL, power + NEAR), power_before
             air[ALONE] = not fell_between
         elif air[ENTERED] >= LONGEST:
-            louder = _is_louder(powers, head)
+            louder = power - powers[then] >= FALL
             rise, (louder_beside, crest_beside) = level - levels[then], beside
             pump = louder_beside >= FALL
-            # who enters does so as it gets louder, not when it has been so for a while
-            begins = not (_is_louder(powers, head - 1) and _is_louder(powers, head - 2))
-            rose = louder and begins and rise >= max(NEAR, LONE * crests[newest])
+            rose = louder and rise >= max(NEAR, LONE * crests[newest])
             out = rose and power_before <= air[CUT] - FALL
             if (louder or pump) and not out:
                 crest = _before(crests, head, air[ALIKE], scratch)
@@ -138,13 +136,6 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, f
         if air[ENTERED] > ENTERING and not rises:
             air[ENTERED] = LONGEST
     return bool(air[ENTERED] >= LONGEST)
-
-
-@njit(**OPTIONS)
-def _is_louder(powers, head):
-    """Whether the frame before a column is far louder than some frames earlier."""
-    columns = powers.shape[0]
-    return powers[(head - 1) % columns] - powers[(head - 1 - FALLING) % columns] >= FALL
 
 
 @njit(**OPTIONS)

@@ -182,13 +182,6 @@ def test_a_line_that_rises_out_of_noise_is_no_tool_that_enters():
     assert all(told(room(60), cut(60)))
 
 
-@pytest.mark.parametrize(("late", "enters"), [(1, True), (2, False), (3, False)])
-def test_noise_that_comes_late_is_no_tool_that_enters(late, enters):
-    """Who enters lifts the noise as it gets louder, or a frame later; a vibration that has grown, later still."""
-    loud = (late, AIR + 2.0, AIR + 12.0, 24.0)
-    assert all(told(room(60, crest=NOISE), loud, (60, AIR + 6.0, AIR + 12.0, 24.0))) is not enters
-
-
 @pytest.mark.parametrize(
     ("crest", "repeating", "enters"),
     [(NOISE, 0.0, True), (12.0, 0.1, True), (STANDS_OUT, 0.0, False), (12.0, 0.3, False)],
