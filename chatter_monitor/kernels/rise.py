@@ -82,7 +82,7 @@ def line_rise(reliefs, powers, columns, here, b, scratch):
 
 @njit(**OPTIONS)
 def _rise(heights, powers, peak, columns, here, b, scratch):
-    """Rise of a bin, which by now is a peak or counts as it did."""
+    """Rise of a bin; if it is to count as a peak by now, what it had on a slope is not its own."""
     if columns.shape[0] == 0:
         return 0.0
     usual = _usual(heights, powers, peak, columns, b, scratch)

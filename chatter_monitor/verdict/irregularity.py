@@ -42,27 +42,20 @@ class Irregularity:
     ----------
     interval_s : float
         Length of an interval.
-
-    Attributes
-    ----------
-    rise : float
-        How many times its usual power it has; 0 where that is not known.
     """
 
     def __init__(self, interval_s: float) -> None:
         self._enough, self._least = round(NOW_S / interval_s), round(LEAST_S / interval_s)
         self._now, self._usual = deque[Heard](), deque[Heard](maxlen=round(USUAL_S / interval_s))
         self._irregular = False
-        self.rise = 0.0
 
     def rest(self) -> None:
         """Nothing is cut, or a cut begins."""
         self._now.clear()
         self._usual.clear()
         self._irregular = False
-        self.rise = 0.0
 
-    def hear(self, power: float, repeating: float, *, calm: bool) -> bool:
+    def hear(self, power: float, repeating: float, *, calm: bool) -> float:
         """Hear an interval of cutting.
 
         Parameters
@@ -74,8 +67,9 @@ class Irregularity:
 
         Returns
         -------
-        bool
-            Whether it is an alarm: loud, irregular and restless as it was not, or that until now and still loud.
+        float
+            How many times its usual power it has, if it is an alarm: loud, irregular and restless as it was not, or
+            that until now and still loud; 0 if not.
         """
         level = math.log(max(power, TINY))
         self._now.append(Heard(level, repeating, abs(level - self._now[-1].level) if self._now else 0.0))
@@ -84,17 +78,20 @@ class Irregularity:
             if calm and not self._irregular:
                 self._usual.append(past)
         if len(self._now) < self._enough or len(self._usual) < self._least:
-            return False
-        now, usual = _median(self._now), _median(self._usual)
-        self.rise = math.exp(now.level - usual.level)
+            return 0.0
+        now = _median(self._now)
+        if now.change < RESTLESS and not self._irregular:  # as nearly always
+            return 0.0
+        usual = _median(self._usual)
+        rise = math.exp(now.level - usual.level)
         begins = (
-            self.rise >= LOUD
+            rise >= LOUD
             and usual.repeating >= REPEATED
             and now.repeating <= STILL_REPEATING * usual.repeating
             and now.change >= max(RESTLESS, MORE_RESTLESS * usual.change)
         )
-        self._irregular = begins or (self._irregular and self.rise >= STILL_LOUD)
-        return self._irregular
+        self._irregular = begins or (self._irregular and rise >= STILL_LOUD)
+        return rise if self._irregular else 0.0
 
 
 def _median(heard: deque[Heard]) -> Heard:

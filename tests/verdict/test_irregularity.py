@@ -10,7 +10,6 @@ from chatter_monitor.verdict.irregularity import (
     MORE_RESTLESS,
     NOW_S,
     REPEATED,
-    RESTLESS,
     STILL_LOUD,
     STILL_REPEATING,
     USUAL_S,
@@ -79,7 +78,6 @@ def test_something_has_to_be_known_of_the_cut(intervals, enough):
 def test_a_rest_forgets_the_cut():
     irregularity = calm()
     irregularity.rest()
-    assert irregularity.rise == 0.0
     assert hear(irregularity, 100.0, 40, repeating=0.3, restless=BURST) == []
 
 
@@ -89,8 +87,11 @@ def test_what_is_heard_in_another_alarm_is_not_usual():
     assert hear(irregularity, 100.0, ENOUGH, repeating=0.3, restless=BURST, calm=False)
 
 
-def test_silence_is_no_number_less():
+def test_it_tells_how_loud_it_is():
     irregularity = calm()
-    assert hear(irregularity, 0.0, 40, repeating=0.0) == []
-    assert irregularity.rise >= 0.0
-    assert RESTLESS < BURST
+    hear(irregularity, 100.0, 20, repeating=0.3, restless=BURST)
+    assert irregularity.hear(50.0, 0.3, calm=False) == pytest.approx(100.0)  # half of them are double, half half
+
+
+def test_silence_is_quiet():
+    assert hear(calm(), 0.0, 40, repeating=0.0) == []
