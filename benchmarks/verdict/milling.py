@@ -323,9 +323,10 @@ def main() -> None:
             score.add(np.array(states) == "self_excited", chatters, mill)
     print("speed    chattering  told   never of   median lag  stable stretches  with an alarm")
     for known, score in scores.items():
-        never, lag = sum(map(math.isinf, score.lags_s)), np.median(score.lags_s)
+        never, lag = sum(map(math.isinf, score.lags_s)), np.median(score.lags_s or [math.nan])
+        told = score.told / score.chatter if score.chatter else math.nan
         print(
-            f"{'told' if known else 'unknown':8}{INTERVAL_S * score.chatter:9.1f} s {score.told / score.chatter:6.1%}"
+            f"{'told' if known else 'unknown':8}{INTERVAL_S * score.chatter:9.1f} s {told:6.1%}"
             f" {never:5d} {len(score.lags_s):3d} {lag:9.2f} s {score.stable:14d} {score.false:16d}"
         )
 

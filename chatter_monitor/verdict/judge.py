@@ -126,12 +126,12 @@ class Judge:
         powers = evidence.power, evidence.turning
         odds = 0.0 if suspect is None else suspect.self_excited / max(1.0 - suspect.self_excited, 1e-6)
         undisturbed = not alarm and memory.since_alarm >= JUST_NOW
-        rise = self._irregularity.hear(evidence.rms**2, evidence.orders.repeating_share, calm=undisturbed)
-        irregular = rise > 0.0
+        times = self._irregularity.hear(evidence.rms**2, evidence.orders.repeating_share, calm=undisturbed)
+        irregular = times > 0.0
         loud = self._loudness.hear(*powers, alarm=alarm or irregular, odds=odds, calm=calm and not irregular)
         if irregular and not alarm:
             loudest = max(evidence.vibrations, key=lambda vibration: vibration.line.share, default=None)
-            return Opinion("self_excited", LOUD_RIGHT, (reasons.irregular(rise),), loudest)
+            return Opinion("self_excited", LOUD_RIGHT, (reasons.irregular(times),), loudest)
         if alarm or not loud:
             return view
         about = suspect if chattered is None else chattered
