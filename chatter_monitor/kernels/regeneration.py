@@ -12,7 +12,7 @@ from chatter_monitor.kernels.whittle import KAPPA, LOG_GAIN, LOG_OMEGA, LOG_TAU,
 
 FIRST_DAMPING = 1e-3
 CONVERGED = 0.02  # nats that a step promises: a fifth of a standard deviation, and the step is still taken
-LARGEST_STEP = (2.0, 2.0, 0.02, 0.5, 0.1, 0.01, 2.0)
+LARGEST_STEP = (2.0, 2.0, 0.02, 0.5, 0.1, 0.01, 0.5, 2.0)
 
 # Indices of what a climb keeps from piece to piece: the negative log-posterior where it is, Levenberg's damping, and
 # how many steps it may still take.
@@ -26,12 +26,13 @@ class Likelihood(NamedTuple):
     ----------
     weight : float
         By which the likelihood of the bins counts.
-    prior_mean, prior_precision : ndarray of float64, shape (7,)
+    prior_mean, prior_precision : ndarray of float64, shape (8,)
         Of an independent normal distribution.
     """
 
     first: float
     bin_width: float
+    delays: int
     log_frequency: np.ndarray
     periodogram: np.ndarray
     used: np.ndarray
@@ -46,8 +47,8 @@ class Likelihood(NamedTuple):
 def posterior(theta, likelihood, score, information):
     """Negative log-posterior, its negative gradient and its expected Hessian, as in `whittle`."""
     value = likelihood.weight * whittle(
-        theta, likelihood.first, likelihood.bin_width, likelihood.log_frequency, likelihood.periodogram,
-        likelihood.used, likelihood.work, likelihood.spectrum, score, information,
+        theta, likelihood.first, likelihood.bin_width, likelihood.delays, likelihood.log_frequency,
+        likelihood.periodogram, likelihood.used, likelihood.work, likelihood.spectrum, score, information,
     )  # fmt: skip
     for i in range(PARAMETERS):
         away = theta[i] - likelihood.prior_mean[i]
@@ -85,21 +86,21 @@ def climb(theta, likelihood, steps, space, information, progress):
 
     Parameters
     ----------
-    theta : ndarray of float64, shape (7,)
+    theta : ndarray of float64, shape (8,)
         Where to start; overwritten with where it ends.
     likelihood : Likelihood
         When the climb is over, its ``spectrum`` is left as by `whittle` for the result.
     steps : int
         At most.
-    space : ndarray of float64, shape (18, 7)
+    space : ndarray of float64, shape (20, 8)
         Kept from piece to piece; the first row is the negative gradient.
-    information : ndarray of float64, shape (7, 7)
+    information : ndarray of float64, shape (8, 8)
         Expected Hessian, at the result in the end.
     progress : ndarray of float64, shape (3,)
         At the indices above.
     """
     score, ahead, ahead_score, step = space[0], space[1], space[2], space[3]
-    ahead_information, damped = space[4:11], space[11:18]
+    ahead_information, damped = space[4 : 4 + PARAMETERS], space[4 + PARAMETERS :]
     rejected = False
     for _ in range(steps):
         if not progress[STEPS_LEFT] > 0.0:

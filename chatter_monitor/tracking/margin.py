@@ -290,6 +290,7 @@ class MarginTracker:
                 theta = (yield from search(band, prior)).theta
             band.evaluate(theta)
             band.leave_out_outliers()
+            band.leave_out_teeth(1.0 / delay_s, self._settings.speed_uncertainty)
             found = yield from fit(band, prior, theta, _STEPS)
             lack_of_fit = band.lack_of_fit
             self._fit, self._width = found, width

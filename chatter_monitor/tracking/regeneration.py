@@ -18,9 +18,11 @@ from chatter_monitor.kernels.delay_roots import critical_coefficient
 from chatter_monitor.kernels.peaks import LINE_BINS
 from chatter_monitor.kernels.regeneration import VALUE, Likelihood, begin_climb, climb, posterior, race
 from chatter_monitor.kernels.whittle import (
+    DELAYS,
     KAPPA,
     LOG_FLOOR,
     LOG_OMEGA,
+    LOG_SPREAD,
     LOG_TAU,
     LOG_ZETA,
     PARAMETERS,
@@ -36,9 +38,11 @@ T = TypeVar("T")
 Pieces = Generator[int, None, T]
 
 # What is believed before the first sample: sensors respond to displacement up to acceleration, structures are damped by
-# 0.5 to 10 %. As wide as they are, they only matter where the spectrum does not tell.
+# 0.5 to 10 %, spindles wander by 0.05 to 0.5 % within seconds. As wide as they are, they only matter where the spectrum
+# does not tell.
 _SLOPE_MEAN, _SLOPE_SD = 2.0, 2.0
 _LOG_ZETA_MEAN, _LOG_ZETA_SD = np.log(0.025), 1.0
+_LOG_SPREAD_MEAN, _LOG_SPREAD_SD = np.log(0.0015), 0.6
 _LOG_FLOOR_SD = 5.0
 
 _GROUPS, _LEAST_GROUP = 60, 8  # for the lack of fit
@@ -49,9 +53,13 @@ _BINS_OF_RACE = 250  # where the starts are told apart; they need not be fitted 
 _BINS_AT_ONCE = (
     3000  # that are evaluated in one piece, at most, but for one evaluation: about a quarter of a millisecond
 )
+# Of the mode within the delay. With fewer a spindle that wanders moves the comb by less than the comb's own width.
+_FEW_WAVES = 8.0
 _DELAY_RANGE = 2.5  # standard deviations of the given delay that are searched
 # What rises less than this above the median of its surroundings is no mode.
 _STANDS_OUT = 4.0
+# Standard deviations of its mean by which a line that may be expected stands out.
+_EXPECTED_LINE = 3.0
 _DETERMINED = 1e-9  # least eigenvalue of an information matrix scaled to a diagonal of 1; rounding is 1e-16
 
 
@@ -109,12 +117,17 @@ class Band:
         quantile = below + (above - below) * (rank % 1.0)  # np.quantile takes thirty times as long
         return float(np.maximum(quantile, 1e-9 * self.periodogram.max()))
 
-    def likelihood(self, prior: Prior | None = None) -> Likelihood:
+    def delays(self, theta: Array) -> int:
+        """How many delays the spectrum has to be averaged over."""
+        return DELAYS if self.mode_hz * math.exp(theta[LOG_TAU]) > _FEW_WAVES else 1
+
+    def likelihood(self, prior: Prior | None = None, delays: int = 1) -> Likelihood:
         """What the kernels fit parameters to."""
         nothing = np.zeros(PARAMETERS)
         return Likelihood(
             first=2.0 * math.pi * self.first_hz,
             bin_width=2.0 * math.pi * self.bin_hz,
+            delays=delays,
             log_frequency=self._log_frequency,
             periodogram=self.periodogram,
             used=self.used,
@@ -128,12 +141,36 @@ class Band:
     def evaluate(self, theta: Array) -> tuple[float, Array, Array]:
         """Negative log-likelihood, its negative gradient and the Fisher information."""
         score, information = np.empty(PARAMETERS), np.empty((PARAMETERS, PARAMETERS))
-        return float(posterior(theta, self.likelihood(), score, information)), score, information
+        return float(posterior(theta, self.likelihood(delays=self.delays(theta)), score, information)), score, information
 
     def leave_out_outliers(self) -> None:
         """Leave out what stands out of the spectrum that was evaluated last: lines of other sources, narrow modes."""
         strange = self.periodogram > exceeded_by_chance(self.weight) * self._spectrum
         self.used &= ~np.convolve(strange, np.ones(2 * LINE_BINS + 1, np.bool_), "same")
+
+    def leave_out_teeth(self, tooth_hz: float, width: float) -> None:
+        """Leave out the multiples of the teeth that stand out of it, whole: a spindle that wanders makes them broad.
+
+        Parameters
+        ----------
+        tooth_hz : float
+            How often a tooth passes.
+        width : float
+            How far such a line reaches to either side, over its frequency.
+        """
+        bins = len(self.periodogram)
+        first, last = (math.ceil((self.first_hz + at * self.bin_hz) / tooth_hz) for at in (0, bins))
+        lines = np.arange(first, last) * tooth_hz
+        middle, half = (lines - self.first_hz) / self.bin_hz, np.maximum(LINE_BINS, width * lines / self.bin_hz)
+        begin, end = (np.clip(np.rint(edge), 0, bins).astype(np.int64) for edge in (middle - half, middle + half + 1.0))
+        excess = np.append(0.0, np.cumsum(np.where(self.used, self.periodogram / self._spectrum - 1.0, 0.0)))
+        used = np.append(0, np.cumsum(self.used))
+        spread = np.sqrt((used[end] - used[begin]) / self.weight)
+        strange = excess[end] - excess[begin] > _EXPECTED_LINE * spread
+        edges = np.zeros(bins + 1)
+        np.add.at(edges, begin[strange], 1.0)
+        np.add.at(edges, end[strange], -1.0)
+        self.used &= np.cumsum(edges[:-1]) == 0.0
 
     @property
     def lack_of_fit(self) -> float:
@@ -169,6 +206,7 @@ class Prior:
             (SLOPE, _SLOPE_MEAN, _SLOPE_SD),
             (LOG_ZETA, _LOG_ZETA_MEAN, _LOG_ZETA_SD),
             (LOG_TAU, np.log(delay_s), delay_uncertainty),
+            (LOG_SPREAD, _LOG_SPREAD_MEAN, _LOG_SPREAD_SD),
             (LOG_FLOOR, np.log(floor), _LOG_FLOOR_SD),
         ):
             mean[index], precision[index] = centre, sd**-2
@@ -181,9 +219,9 @@ class Fit:
 
     Attributes
     ----------
-    theta : ndarray of float64, shape (7,)
+    theta : ndarray of float64, shape (8,)
         Parameters in the order of `kernels.regeneration`.
-    information : ndarray of float64, shape (7, 7)
+    information : ndarray of float64, shape (8, 8)
         Expected Hessian of the negative log-posterior.
     value : float
         Negative log-posterior.
@@ -195,14 +233,14 @@ class Fit:
 
     @property
     def covariance(self) -> Array:
-        """Of the parameters, shape (7, 7); infinite where the information does not determine them."""
+        """Of the parameters, shape (8, 8); infinite where the information does not determine them."""
         return covariance_of(self.information)
 
 
 def fit(band: Band, prior: Prior, start: Array, steps: int = _STEPS) -> Pieces[Fit]:
     """Fisher scoring with Levenberg's damping from a start."""
     theta = start.copy()
-    likelihood, space, information, progress = band.likelihood(prior), *_room()
+    likelihood, space, information, progress = band.likelihood(prior, band.delays(theta)), *_room()
     bins = len(band.periodogram)
     begin_climb(theta, likelihood, steps, space, information, progress)
     yield bins
@@ -274,5 +312,6 @@ def _starts(band: Band, delay_s: float) -> Iterator[Array]:
                 theta[LOG_ZETA] = math.log(zeta)
                 theta[KAPPA] = share * min(critical_coefficient(omega, zeta, delay_s), 10.0 * zeta)
                 theta[LOG_TAU] = log_delay
+                theta[LOG_SPREAD] = _LOG_SPREAD_MEAN
                 theta[LOG_FLOOR] = log_floor
                 yield theta

@@ -5,46 +5,69 @@ import pytest
 
 from chatter_monitor.kernels.delay_roots import critical_coefficient
 from chatter_monitor.kernels.regeneration import VALUE, Likelihood, begin_climb, climb, race, solve, stabilise
-from chatter_monitor.kernels.whittle import KAPPA, LOG_GAIN, LOG_OMEGA, LOG_TAU, LOG_ZETA, PARAMETERS, WORK, whittle
+from chatter_monitor.kernels.whittle import (
+    DELAYS,
+    KAPPA,
+    LOG_GAIN,
+    LOG_OMEGA,
+    LOG_SPREAD,
+    LOG_TAU,
+    LOG_ZETA,
+    PARAMETERS,
+    WORK,
+    whittle,
+)
 
 FIRST, WIDTH, CENTRE, BINS = 2 * np.pi * 600.0, 2 * np.pi * 0.4, 2 * np.pi * 950.0, 1500
-THETA = np.array([-3.0, 1.7, np.log(2 * np.pi * 990.0), np.log(0.03), 0.025, np.log(0.027), -5.0])
+THETA = np.array([-3.0, 1.7, np.log(2 * np.pi * 990.0), np.log(0.03), 0.025, np.log(0.027), np.log(0.003), -5.0])
 
 
-def spectrum(theta, omega):
+def spectrum(theta, omega, delays):
     """S at some frequencies, as written in the module's docstring."""
-    gain, floor = np.exp(theta[0]), np.exp(theta[6])
-    slope, w, zeta, kappa, tau = theta[1], np.exp(theta[2]), np.exp(theta[3]), theta[4], np.exp(theta[5])
-    r = omega / w
+    gain, floor = np.exp(theta[0]), np.exp(theta[7])
+    slope, w, zeta, kappa = theta[1], np.exp(theta[2]), np.exp(theta[3]), theta[4]
+    off, weights = np.polynomial.hermite_e.hermegauss(delays)
+    r, tau = omega / w, np.exp(theta[5]) * (1 + np.exp(theta[6]) * off[:, np.newaxis])
     D = 1 - r**2 + 2j * zeta * r + kappa * (1 - np.exp(-1j * omega * tau))
-    return gain * (omega / CENTRE) ** slope / abs(D) ** 2 + floor
+    return gain * (omega / CENTRE) ** slope * (weights / weights.sum() @ abs(D) ** -2.0) + floor
 
 
-def windowed(theta):
+def windowed(theta, delays):
     """Mean of a periodogram of Hann windows: S convolved with the window's power response, finely."""
     fine = np.arange(-4.0, 4.0, 0.01) + 0.005
     response = (np.sinc(fine) / (1 - fine**2)) ** 2
     response /= response.sum()
     omega = FIRST + WIDTH * np.arange(BINS)
-    return sum(weight * spectrum(theta, omega + WIDTH * shift) for shift, weight in zip(fine, response, strict=True))
+    seen = (weight * spectrum(theta, omega + WIDTH * at, delays) for at, weight in zip(fine, response, strict=True))
+    return sum(seen)
 
 
 AT = np.arange(-1.0, BINS + 2.0)
 LOG_FREQUENCY = np.log((FIRST + WIDTH * np.stack([AT, AT - 0.5])) / CENTRE)
 
 
-def run(theta, periodogram, used=None):
+def run(theta, periodogram, used=None, delays=DELAYS):
     model, score, information = np.empty(BINS), np.empty(PARAMETERS), np.empty((PARAMETERS, PARAMETERS))
     used = np.ones(BINS, np.bool_) if used is None else used
     work = np.full(WORK, 7.0)  # whatever was in it
-    value = whittle(theta, FIRST, WIDTH, LOG_FREQUENCY, periodogram, used, work, model, score, information)
+    value = whittle(theta, FIRST, WIDTH, delays, LOG_FREQUENCY, periodogram, used, work, model, score, information)
     return value, score, information, model
 
 
-def test_the_model_is_the_mean_of_a_windowed_periodogram():
+@pytest.mark.parametrize("delays", [1, DELAYS])
+def test_the_model_is_the_mean_of_a_windowed_periodogram(delays):
     """The spectrum left behind is S seen through the Hann window, within 0.5 % at the sharpest peak."""
-    model = run(THETA, np.ones(BINS))[3]
-    np.testing.assert_allclose(model, windowed(THETA), rtol=5e-3)
+    model = run(THETA, np.ones(BINS), delays=delays)[3]
+    np.testing.assert_allclose(model, windowed(THETA, delays), rtol=5e-3)
+
+
+def test_a_spindle_that_hardly_wanders_has_one_delay():
+    """With next to no spread the spectrum is that of a single delay; with 0.3 % the comb of 27 waves is flatter."""
+    steady, single = THETA + np.log(1e-6) * np.eye(PARAMETERS)[LOG_SPREAD], run(THETA, np.ones(BINS), delays=1)[3]
+    np.testing.assert_allclose(run(steady, np.ones(BINS))[3], single, rtol=1e-9)
+    wandering = run(THETA, np.ones(BINS))[3]
+    assert wandering.max() < 0.8 * single.max()
+    assert wandering.mean() == pytest.approx(single.mean(), rel=0.05)
 
 
 def test_the_likelihood_is_the_sum_over_the_bins_in_use():
@@ -87,9 +110,9 @@ def test_the_climb_ends_at_the_maximum(at_once):
     for precision in (0.0, 1e-3):
         prior = (THETA, np.full(PARAMETERS, precision))
         likelihood = Likelihood(
-            FIRST, WIDTH, LOG_FREQUENCY, truth, np.ones(BINS, np.bool_), np.zeros(WORK), np.empty(BINS), 2.0, *prior,
+            FIRST, WIDTH, DELAYS, LOG_FREQUENCY, truth, np.ones(BINS, np.bool_), np.zeros(WORK), np.empty(BINS), 2.0, *prior,
         )  # fmt: skip
-        theta, information = THETA * [1.02, 0.98, 1.0002, 1.02, 0.9, 1.0002, 1.02], np.empty((PARAMETERS, PARAMETERS))
+        theta, information = THETA * [1.02, 0.98, 1.0002, 1.02, 0.9, 1.0002, 1.02, 1.02], np.empty((PARAMETERS, PARAMETERS))
         climbing = theta, likelihood, 40, np.empty((2 * PARAMETERS + 4, PARAMETERS)), information, np.empty(3)
         begin_climb(*climbing)
         while climb(*climbing[:2], at_once, *climbing[3:]):
@@ -107,7 +130,7 @@ def test_a_race_is_a_climb_from_the_gain_at_which_the_spectrum_has_the_mean():
     """Whatever gain a start comes with, the race climbs from the one that gives the spectrum its mean."""
     truth = run(THETA, np.ones(BINS))[3]
     likelihood = Likelihood(
-        FIRST, WIDTH, LOG_FREQUENCY, truth, np.ones(BINS, np.bool_), np.zeros(WORK), np.empty(BINS), 2.0,
+        FIRST, WIDTH, DELAYS, LOG_FREQUENCY, truth, np.ones(BINS, np.bool_), np.zeros(WORK), np.empty(BINS), 2.0,
         THETA, np.zeros(PARAMETERS),
     )  # fmt: skip
     start = THETA * [1.0, 0.98, 1.0002, 1.02, 0.9, 1.0002, 1.02]
