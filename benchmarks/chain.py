@@ -28,7 +28,7 @@ from benchmarks.tracker_speed import compile_yardstick, signal, tracker, yardsti
 from benchmarks.verdict.generator import cut
 from chatter_monitor.records import Verdict
 from chatter_monitor.tracking.channel import Channel, Observation, lines_of
-from chatter_monitor.tracking.margin import MarginSettings, MarginTracker
+from chatter_monitor.tracking.margin_tracker import MarginSettings, MarginTracker
 from chatter_monitor.tracking.orders import Orders, OrderSettings, OrderTracker
 from chatter_monitor.tracking.spectrum import Spectrum
 from chatter_monitor.tracking.spindle import SpindleSettings

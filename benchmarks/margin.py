@@ -27,7 +27,8 @@ from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Mode, Spindle
 from chatter_monitor.physics.stability import rightmost_root
 from chatter_monitor.physics.terms import CATALOGUE
-from chatter_monitor.tracking.margin import Margin, MarginSettings, MarginTracker
+from chatter_monitor.tracking.margin import Margin
+from chatter_monitor.tracking.margin_tracker import MarginSettings, MarginTracker
 from chatter_monitor.tracking.tracker import Tracker, TrackerSettings
 
 RATE_HZ = 12800.0

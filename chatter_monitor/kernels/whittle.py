@@ -9,9 +9,9 @@ With r = omega / w its dynamic stiffness over w^2 is
 and what a sensor delivers has the spectrum S = gain (omega / omega_0)^slope / abs(D)^2 + floor: the slope is 0, 2 or 4
 for displacement, velocity and acceleration and takes up the colour of the force, the floor is the sensor's noise.
 
-A spindle wanders while the periodogram is averaged, and tau with it: then 1 / abs(D)^2 is the mean of three, with delays
-of tau and of sqrt(3) spreads to either side (Gauss-Hermite: exact up to the fifth power). It is that of many spectra
-and no loss of coherence, because a mode forgets sooner than a spindle changes its speed.
+A spindle wanders while the periodogram is averaged, and tau with it: then 1 / abs(D)^2 is the mean of three, with
+delays of tau and of sqrt(3) spreads to either side (Gauss-Hermite: exact up to the fifth power). It is a mean of
+spectra and no loss of coherence, because a mode forgets sooner than a spindle changes its speed.
 
 Bins are looked at in tiles, with a row for each quantity at a fixed place of one array, and sums may be formed in any
 order: that is what lets the compiler use vector instructions.

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.records import Flag, OdpFrame
-from chatter_monitor.tracking.margin import Margin, MarginSettings, MarginTracker
+from chatter_monitor.tracking.margin import Margin
+from chatter_monitor.tracking.margin_tracker import MarginSettings, MarginTracker
 from chatter_monitor.tracking.orders import Orders, OrderSettings, OrderTracker
 from chatter_monitor.tracking.spectrum import Spectrum
 from chatter_monitor.tracking.spindle import SpindleSettings

@@ -21,6 +21,8 @@ _HANN_BANDWIDTH = 1.5  # equivalent noise bandwidth of the window in bins
 
 # Up to where modes are looked for.
 _HIGHEST_MODE = 0.6  # of half the sample rate
+# Another peak stands out of its surroundings by so much, in power.
+_OTHER_PEAK = 10.0
 
 # A segment louder or quieter than the average by more than this (in power) belongs to another cut.
 _OTHER_LEVEL = 10.0
@@ -193,3 +195,24 @@ def strongest_peak_hz(spectrum: Array, lines: NDArray[np.bool_], bin_hz: float) 
     size = len(spectrum)
     bins = int(_HIGHEST_MODE * size)
     return bin_hz * int(kernel.strongest(spectrum, lines, bins, np.empty(size + 1), np.empty(size + 1, np.int64)))
+
+
+def other_peak_hz(
+    spectrum: Array,
+    lines: NDArray[np.bool_],
+    bin_hz: float,
+    peak_hz: float,
+    rotation_hz: float,
+    teeth: int,
+    uncertainty: float,
+) -> float | None:
+    """Frequency of what stands out most besides a peak, lines, and whatever is near to a multiple of what turns.
+
+    The uncertainty is the relative standard deviation of the rotation frequency.
+    """
+    size = len(spectrum)
+    first, end = int(np.argmax(spectrum > 0.0)), int(_HIGHEST_MODE * size)  # the lowest bins are empty
+    work = np.empty(size + 1), np.empty(size + 1, np.int64), np.empty(size + 1)
+    places = peak_hz / bin_hz, rotation_hz / bin_hz, rotation_hz * teeth / bin_hz, 2.0 * uncertainty
+    found = int(kernel.most_prominent(spectrum, lines, first, end, *places, _OTHER_PEAK, *work))
+    return bin_hz * found if found >= 0 else None

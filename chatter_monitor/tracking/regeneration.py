@@ -141,7 +141,11 @@ class Band:
     def evaluate(self, theta: Array) -> tuple[float, Array, Array]:
         """Negative log-likelihood, its negative gradient and the Fisher information."""
         score, information = np.empty(PARAMETERS), np.empty((PARAMETERS, PARAMETERS))
-        return float(posterior(theta, self.likelihood(delays=self.delays(theta)), score, information)), score, information
+        return (
+            float(posterior(theta, self.likelihood(delays=self.delays(theta)), score, information)),
+            score,
+            information,
+        )
 
     def leave_out_outliers(self) -> None:
         """Leave out what stands out of the spectrum that was evaluated last: lines of other sources, narrow modes."""

@@ -9,7 +9,8 @@ from __future__ import annotations
 from chatter_monitor.kernels.kinds import LOUDER, own_rise
 from chatter_monitor.kernels.vibrations import JUST_NOW, Rules
 from chatter_monitor.records import Flag, Verdict
-from chatter_monitor.tracking.margin import FRAMES_TO_RENEW, Margin
+from chatter_monitor.tracking.margin import Margin
+from chatter_monitor.tracking.margin_tracker import FRAMES_TO_RENEW
 from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, spindle_order
 from chatter_monitor.verdict.irregularity import Irregularity

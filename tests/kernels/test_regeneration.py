@@ -21,6 +21,8 @@ from chatter_monitor.kernels.whittle import (
 FIRST, WIDTH, CENTRE, BINS = 2 * np.pi * 600.0, 2 * np.pi * 0.4, 2 * np.pi * 950.0, 1500
 THETA = np.array([-3.0, 1.7, np.log(2 * np.pi * 990.0), np.log(0.03), 0.025, np.log(0.027), np.log(0.003), -5.0])
 
+OFF = np.array([1.02, 0.98, 1.0002, 1.02, 0.9, 1.0002, 1.02, 1.02])  # by which the starts of a climb are wrong
+
 
 def spectrum(theta, omega, delays):
     """S at some frequencies, as written in the module's docstring."""
@@ -66,7 +68,7 @@ def test_a_spindle_that_hardly_wanders_has_one_delay():
     steady, single = THETA + np.log(1e-6) * np.eye(PARAMETERS)[LOG_SPREAD], run(THETA, np.ones(BINS), delays=1)[3]
     np.testing.assert_allclose(run(steady, np.ones(BINS))[3], single, rtol=1e-9)
     wandering = run(THETA, np.ones(BINS))[3]
-    assert wandering.max() < 0.8 * single.max()
+    assert wandering.max() < 0.9 * single.max()
     assert wandering.mean() == pytest.approx(single.mean(), rel=0.05)
 
 
@@ -110,9 +112,10 @@ def test_the_climb_ends_at_the_maximum(at_once):
     for precision in (0.0, 1e-3):
         prior = (THETA, np.full(PARAMETERS, precision))
         likelihood = Likelihood(
-            FIRST, WIDTH, DELAYS, LOG_FREQUENCY, truth, np.ones(BINS, np.bool_), np.zeros(WORK), np.empty(BINS), 2.0, *prior,
+            FIRST, WIDTH, DELAYS, LOG_FREQUENCY, truth, np.ones(BINS, np.bool_), np.zeros(WORK), np.empty(BINS), 2.0,
+            *prior,
         )  # fmt: skip
-        theta, information = THETA * [1.02, 0.98, 1.0002, 1.02, 0.9, 1.0002, 1.02, 1.02], np.empty((PARAMETERS, PARAMETERS))
+        theta, information = OFF * THETA, np.empty((PARAMETERS, PARAMETERS))
         climbing = theta, likelihood, 40, np.empty((2 * PARAMETERS + 4, PARAMETERS)), information, np.empty(3)
         begin_climb(*climbing)
         while climb(*climbing[:2], at_once, *climbing[3:]):
@@ -133,7 +136,7 @@ def test_a_race_is_a_climb_from_the_gain_at_which_the_spectrum_has_the_mean():
         FIRST, WIDTH, DELAYS, LOG_FREQUENCY, truth, np.ones(BINS, np.bool_), np.zeros(WORK), np.empty(BINS), 2.0,
         THETA, np.zeros(PARAMETERS),
     )  # fmt: skip
-    start = THETA * [1.0, 0.98, 1.0002, 1.02, 0.9, 1.0002, 1.02]
+    start = np.where(np.arange(PARAMETERS) == LOG_GAIN, THETA, OFF * THETA)
     room = np.empty((2 * PARAMETERS + 4, PARAMETERS)), np.empty((PARAMETERS, PARAMETERS)), np.empty(3)
     theta = start + np.eye(PARAMETERS)[LOG_GAIN]
     value = race(theta, likelihood, truth.mean(), 3, *room)

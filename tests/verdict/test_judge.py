@@ -14,7 +14,8 @@ from chatter_monitor.kernels.kinds import LINE, Kinds
 from chatter_monitor.kernels.overview import Overview, overview
 from chatter_monitor.kernels.vibrations import VIBRATION
 from chatter_monitor.records import Flag
-from chatter_monitor.tracking.margin import FRAMES_TO_RENEW, Margin
+from chatter_monitor.tracking.margin import Margin
+from chatter_monitor.tracking.margin_tracker import FRAMES_TO_RENEW
 from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.sidebands import Sidebands
 from chatter_monitor.tracking.spectrum import Line

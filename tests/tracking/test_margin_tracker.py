@@ -10,7 +10,7 @@ from chatter_monitor.errors import InputError
 from chatter_monitor.physics.lobes import stability_limit
 from chatter_monitor.physics.parts import Mode, Spindle
 from chatter_monitor.physics.stability import rightmost_root
-from chatter_monitor.tracking.margin import MarginSettings, MarginTracker
+from chatter_monitor.tracking.margin_tracker import MarginSettings, MarginTracker
 from chatter_monitor.tracking.regeneration import covariance_of
 from tests.signals import vibration
 
@@ -77,6 +77,38 @@ def test_the_delay_is_refined_from_the_signal(half):
     """A speed off by 0.8 %, a fifth of a wave of the vibration, costs no accuracy when its uncertainty is told."""
     off = margins(half, 1.008 * ROTATION_HZ, rotation_sd_hz=0.01 * ROTATION_HZ)[-1]
     assert off.ratio == pytest.approx(margins(half)[-1].ratio, abs=0.03)
+
+
+def test_a_spindle_that_wanders_is_not_taken_for_room():
+    """A speed that swings by 0.3 % smears a comb of 27 waves: kappa is as large as without."""
+    cuts = [replace(CUT, kappa=0.9 * LIMIT, speed_wander=0.003, seed=seed) for seed in range(4)]
+    assert np.mean([margins(simulate(cut))[-1].ratio for cut in cuts]) == pytest.approx(0.9, abs=0.03)
+
+
+def test_the_mode_that_is_nearer_to_chatter_decides():
+    """Another one that stands out is told if it is nearer, withholds the margin if it may be, and else changes nothing.
+
+    The strongest is at a fifth of its limit, the other has a tenth of its amplitude or less.
+    """
+    strong, hertz = simulate(replace(CUT, kappa=0.2 * LIMIT)), 402.0
+    other = Cut(Mode(hertz, 0.02), SPINDLE, 0.0, "velocity", 35.0, seed=2)
+    limit = float(stability_limit(replace(other, kappa=0.01).system, np.array([740.0]))[0])
+    nearer = margins(strong + 0.1 * simulate(replace(other, kappa=0.8 * limit)))[-1]
+    assert nearer.frequency_hz == pytest.approx(hertz, rel=0.01)
+    assert nearer.ratio == pytest.approx(0.8, abs=0.1)
+    unknown = margins(strong + 0.1 * vibration(len(strong), [(hertz, 0.002)], seed=3))[-1]
+    assert unknown.margin_percent is None
+    assert "at 402 Hz a vibration dies out more slowly than the strongest" in unknown.reason
+    far = margins(strong + 0.2 * vibration(len(strong), [(hertz, 0.008)], seed=3))[-1]
+    assert far.frequency_hz == pytest.approx(990.0, rel=0.01)
+
+
+def test_broad_lines_of_the_teeth_are_kept_out_of_it(half):
+    """Noise within 3 Hz of a multiple of the teeth, between two peaks of the comb, is not taken for less damping."""
+    rng, time_s = np.random.default_rng(7), np.arange(len(half)) / RATE_HZ
+    slow = np.convolve(rng.standard_normal(len(half)), np.ones(4000) / 4000**0.5, "same")
+    skirts = half + 0.4 * slow * np.sin(2 * np.pi * 26 * SPINDLE.teeth * ROTATION_HZ * time_s + 26)
+    assert margins(skirts)[-1].ratio == pytest.approx(margins(half)[-1].ratio, abs=0.015)
 
 
 def test_without_regeneration_there_is_no_margin():

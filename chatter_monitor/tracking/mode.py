@@ -1,0 +1,78 @@
+"""One mode with a regenerative delay, followed from one averaged periodogram to the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.tracking.margin import UNLIKE, Margin, margin_of
+from chatter_monitor.tracking.regeneration import Band, Fit, Pieces, Prior, fit, search
+
+# The mode is looked for anew when its peak is farther than this from it.
+_OTHER_MODE = 0.12
+_STEPS = 6  # from one fit to the next
+# The fit looks at this range of frequency around the mode. Its skirts tell the slope and the floor, and where the delay
+# is short and its comb is wide, only they tell regeneration from damping. Other modes in it show as a lack of fit:
+# then less is looked at.
+_WIDTHS = (1.6, 1.3, 1.12)
+_OTHER_MODES = 2.0
+_UNEXPLAINED = 4.0
+_NO_MODE = "no mode stands out"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Average:
+    """An averaged periodogram and what is known of it."""
+
+    spectrum: NDArray[np.float64]
+    windows: float
+    lines: NDArray[np.bool_]
+    bin_hz: float
+    delay_s: float
+    uncertainty: float
+    """Relative standard deviation of the delay."""
+    line_width: float
+    """Half of the width of a line of the teeth, over its frequency."""
+
+
+class FollowedMode:
+    """One mode, followed from average to average.
+
+    Attributes
+    ----------
+    fit : Fit or None
+        The last one.
+    margin : Margin or None
+        What that means; None before the first.
+    """
+
+    def __init__(self) -> None:
+        self.fit: Fit | None = None
+        self.margin: Margin | None = None
+        self._hertz = 0.0
+        self._width = 0
+
+    def follow(self, average: Average, peak_hz: float) -> Pieces[None]:
+        """Fit the mode to an average in which it is, roughly, the peak that is given."""
+        if self.fit is None or abs(peak_hz / self._hertz - 1.0) > _OTHER_MODE:
+            self.fit, self._hertz, self._width = None, peak_hz, 0
+        theta = None if self.fit is None else self.fit.theta
+        for width in range(self._width, len(_WIDTHS)):
+            band = Band(average.spectrum, average.lines, average.bin_hz, self._hertz, _WIDTHS[width], average.windows)
+            prior = Prior.of(average.delay_s, average.uncertainty, band.floor)
+            if theta is None:
+                theta = (yield from search(band, prior)).theta
+            band.evaluate(theta)
+            band.leave_out_outliers()
+            band.leave_out_teeth(1.0 / average.delay_s, average.line_width)
+            found = yield from fit(band, prior, theta, _STEPS)
+            lack_of_fit = band.lack_of_fit
+            self.fit, self._width = found, width
+            self.margin = margin_of(found, lack_of_fit) if band.stands_out else Margin(reason=_NO_MODE)
+            if lack_of_fit < _OTHER_MODES:
+                return
+            theta = None
+        if lack_of_fit > _UNEXPLAINED:
+            self.margin = Margin(reason=UNLIKE)
