@@ -20,7 +20,7 @@ PEAK, AROUND, STEP = 0.004, 0.15, 0.002
 OF_ONE_MODE = 0.2
 # Nor is another peak within the skirts of a multiple of the spindle's or the teeth's frequency: so far off, over its
 # frequency, or so much of their distance.
-SKIRT, OFF_SPACING = 0.015, 0.2
+SKIRT, OFF_SPACING = 0.01, 0.2
 
 
 @njit(**OPTIONS)
@@ -88,7 +88,7 @@ def strongest(spectrum, lines, bins, sums, counts):
 def _is_line(place, spacing, off):
     """Whether it may be a multiple of a spacing, or its skirt."""
     nearest = max(1.0, np.rint(place / spacing)) * spacing
-    return abs(nearest - place) < min((SKIRT + off) * place, OFF_SPACING * spacing)
+    return abs(nearest - place) < PEAK * place + min((SKIRT + off) * place, OFF_SPACING * spacing)
 
 
 @njit(**OPTIONS)

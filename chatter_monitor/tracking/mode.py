@@ -56,7 +56,7 @@ class FollowedMode:
 
     def follow(self, average: Average, peak_hz: float) -> Pieces[None]:
         """Fit the mode to an average in which it is, roughly, the peak that is given."""
-        if self.fit is None or abs(peak_hz / self._hertz - 1.0) > _OTHER_MODE:
+        if self.fit is None or not self.fit.may_be or abs(peak_hz / self._hertz - 1.0) > _OTHER_MODE:
             self.fit, self._hertz, self._width = None, peak_hz, 0
         theta = None if self.fit is None else self.fit.theta
         for width in range(self._width, len(_WIDTHS)):

@@ -60,6 +60,7 @@ _DELAY_RANGE = 2.5  # standard deviations of the given delay that are searched
 _STANDS_OUT = 4.0
 # Standard deviations of its mean by which a line that may be expected stands out.
 _EXPECTED_LINE = 3.0
+_BY_CHANCE = 2.0  # standard deviations
 _DETERMINED = 1e-9  # least eigenvalue of an information matrix scaled to a diagonal of 1; rounding is 1e-16
 
 
@@ -240,6 +241,11 @@ class Fit:
         """Of the parameters, shape (8, 8); infinite where the information does not determine them."""
         return covariance_of(self.information)
 
+    @property
+    def may_be(self) -> bool:
+        """Whether kappa is not less than nothing, as far as is known."""
+        return bool(self.theta[KAPPA] > -_BY_CHANCE * math.sqrt(self.covariance[KAPPA, KAPPA]))
+
 
 def fit(band: Band, prior: Prior, start: Array, steps: int = _STEPS) -> Pieces[Fit]:
     """Fisher scoring with Levenberg's damping from a start."""
@@ -275,7 +281,8 @@ def covariance_of(information: Array) -> Array:
 def search(band: Band, prior: Prior) -> Pieces[Fit]:
     """Fit from many starts: every one goes a few steps, the best to the end, then along the delay.
 
-    The likelihood has a maximum for nearly every whole number of waves that the delay may hold within its prior.
+    The likelihood has a maximum for nearly every whole number of waves that the delay may hold within its prior, and
+    between them others, where kappa is negative. No cut pulls its tool in: those are left for one that may be.
     """
     delay_s = float(np.exp(prior.mean[LOG_TAU]))
     start = yield from _race(band.coarse(_BINS_OF_RACE), prior, delay_s)
@@ -287,8 +294,9 @@ def search(band: Band, prior: Prior) -> Pieces[Fit]:
         theta = best.theta.copy()
         theta[LOG_TAU] = prior.mean[LOG_TAU] + 0.5 * shift / waves
         challenger = yield from fit(band, prior, theta, _STEPS_OF_RACE)
-        if challenger.value < best.value:
-            best = yield from fit(band, prior, challenger.theta)
+        if challenger.value < best.value or not best.may_be:
+            challenger = yield from fit(band, prior, challenger.theta)
+            best = min(best, challenger, key=lambda found: (not found.may_be, found.value))
     return best
 
 
