@@ -18,7 +18,7 @@ from chatter_monitor.tracking.regeneration import Fit
 Interval = tuple[float, float]
 
 _CONFIDENCE_95 = 1.96
-# Regeneration is visible when kappa is so many standard deviations above zero.
+# Regeneration is visible when kappa, and its ratio to the critical one, are so many standard deviations above zero.
 _VISIBLE = 2.0
 _PHYSICAL = [LOG_OMEGA, LOG_ZETA, KAPPA, LOG_TAU]
 _PAIRS = np.ix_(_PHYSICAL, _PHYSICAL)
@@ -95,7 +95,7 @@ def margin_of(found: Fit, lack_of_fit: float) -> Margin:
         damping_rightmost=damping,
         damping_ci95=(damping - _CONFIDENCE_95 * damping_sd, damping + _CONFIDENCE_95 * damping_sd),
     )
-    if kappa < _VISIBLE * kappa_sd:
+    if kappa < _VISIBLE * kappa_sd or ratio < _VISIBLE * ratio_sd:
         return replace(
             margin, reason=f"no regeneration visible: kappa is {kappa:.4f} +- {_CONFIDENCE_95 * kappa_sd:.4f}"
         )
@@ -116,14 +116,11 @@ def _percent(ratio: float) -> float:
     return 100.0 * (1.0 / ratio - 1.0)
 
 
-def nearest(strongest: Margin, other: Margin | None) -> Margin:
-    """Margin of the mode that is nearer to chatter; none where the other may be, because it dies out more slowly."""
-    if other is None or other.ratio is None or strongest.ratio is None:
+def beside(strongest: Margin, other: Margin | None) -> Margin:
+    """Margin of the strongest mode; none where another one dies out more slowly and may be nearer to chatter."""
+    if other is None or other.ratio_ci95 is None or strongest.ratio is None:
         return strongest
-    if other.margin_percent is not None:
-        return max(strongest, other, key=lambda margin: margin.ratio or 0.0)
-    unknown = other.ratio_ci95 is not None and other.ratio_ci95[1] > strongest.ratio
-    if not unknown or other.decay > strongest.decay:
+    if other.decay > strongest.decay or other.ratio_ci95[1] < strongest.ratio:
         return strongest
     where = f"at {other.frequency_hz:.0f} Hz"
-    return Margin(reason=f"{where} a vibration dies out more slowly than the strongest: its margin is unknown")
+    return Margin(reason=f"{where} a vibration dies out more slowly than the strongest, and may be nearer to chatter")

@@ -1,7 +1,7 @@
 """The margin to chatter of a running signal: the strength of regeneration, heard from the vibration alone.
 
 The averaged periodogram of a channel is fitted by one mode with a regenerative delay (`tracking.mode`): the one with
-most power, and another one that stands out, if there is one. What is nearer to chatter counts.
+most power. Another one that stands out is fitted as well, to know whether that may be nearer to chatter.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.errors import InputError
-from chatter_monitor.tracking.margin import Margin, nearest
+from chatter_monitor.tracking.margin import Margin, beside
 from chatter_monitor.tracking.mode import Average, FollowedMode
 from chatter_monitor.tracking.periodogram import AveragedPeriodogram, other_peak_hz, spindle_lines, strongest_peak_hz
 from chatter_monitor.tracking.regeneration import Pieces
@@ -147,7 +147,7 @@ class MarginTracker:
             except StopIteration:
                 self._under_way = None
             if self._strongest.margin is not None:
-                self._margin = nearest(self._strongest.margin, self._other.margin)
+                self._margin = beside(self._strongest.margin, self._other.margin)
 
     def _follow_speed(self, rotation_hz: float | None, rotation_sd_hz: float | None) -> None:
         """Start anew when the teeth pass at another pace, because the comb of their delay is another one."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.tracking.margin import UNLIKE, Margin, margin_of
-from chatter_monitor.tracking.regeneration import Band, Fit, Pieces, Prior, fit, search
+from chatter_monitor.tracking.regeneration import Band, Fit, Pieces, Prior, fit, search, without_regeneration
 
 # The mode is looked for anew when its peak is farther than this from it.
 _OTHER_MODE = 0.12
@@ -19,7 +19,10 @@ _STEPS = 6  # from one fit to the next
 _WIDTHS = (1.6, 1.3, 1.12)
 _OTHER_MODES = 2.0
 _UNEXPLAINED = 4.0
+# Regeneration is visible when the spectrum is less likely without it, whatever the damping, by so much (in nats).
+_NEEDED = 2.0
 _NO_MODE = "no mode stands out"
+_NOT_NEEDED = "no regeneration visible: the spectrum may be that of a mode alone"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +75,11 @@ class FollowedMode:
             self.fit, self._width = found, width
             self.margin = margin_of(found, lack_of_fit) if band.stands_out else Margin(reason=_NO_MODE)
             if lack_of_fit < _OTHER_MODES:
-                return
+                break
             theta = None
         if lack_of_fit > _UNEXPLAINED:
             self.margin = Margin(reason=UNLIKE)
+        elif self.margin.margin_percent is not None:
+            without = yield from without_regeneration(band, prior, found)
+            if without < _NEEDED * lack_of_fit:
+                self.margin = replace(self.margin, margin_percent=None, margin_ci95=None, reason=_NOT_NEEDED)

@@ -60,6 +60,8 @@ _DELAY_RANGE = 2.5  # standard deviations of the given delay that are searched
 _STANDS_OUT = 4.0
 # Standard deviations of its mean by which a line that may be expected stands out.
 _EXPECTED_LINE = 3.0
+_NOTHING_ELSE = 1e9  # precision of what is known
+_LOG_SLIGHTLY_DAMPED = math.log(0.01)
 _BY_CHANCE = 2.0  # standard deviations
 _DETERMINED = 1e-9  # least eigenvalue of an information matrix scaled to a diagonal of 1; rounding is 1e-16
 
@@ -276,6 +278,17 @@ def covariance_of(information: Array) -> Array:
     if np.linalg.eigvalsh(relative)[0] < _DETERMINED:
         return np.full(information.shape, np.inf)
     return np.asarray(np.linalg.inv(relative) / scales, dtype=np.float64)
+
+
+def without_regeneration(band: Band, prior: Prior, found: Fit) -> Pieces[float]:
+    """How much less likely the band is without regeneration, but with any damping, than with what was found (nats)."""
+    precision = prior.precision.copy()
+    precision[KAPPA], precision[LOG_ZETA] = _NOTHING_ELSE, 0.0
+    start = found.theta.copy()
+    start[KAPPA], start[LOG_ZETA] = 0.0, _LOG_SLIGHTLY_DAMPED
+    start[LOG_OMEGA] = math.log(2.0 * math.pi * band.mode_hz)
+    mode = yield from fit(band, Prior(prior.mean, precision), start)
+    return band.evaluate(mode.theta)[0] - band.evaluate(found.theta)[0]
 
 
 def search(band: Band, prior: Prior) -> Pieces[Fit]:
