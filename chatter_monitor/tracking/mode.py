@@ -72,14 +72,14 @@ class FollowedMode:
             band.leave_out_teeth(1.0 / average.delay_s, average.line_width)
             found = yield from fit(band, prior, theta, _STEPS)
             lack_of_fit = band.lack_of_fit
-            self.fit, self._width = found, width
-            self.margin = margin_of(found, lack_of_fit) if band.stands_out else Margin(reason=_NO_MODE)
+            margin = margin_of(found, lack_of_fit) if band.stands_out else Margin(reason=_NO_MODE)
+            if margin.margin_percent is not None:
+                without = yield from without_regeneration(band, prior, found)
+                if without < _NEEDED * lack_of_fit:
+                    margin = replace(margin, margin_percent=None, margin_ci95=None, reason=_NOT_NEEDED)
+            self.fit, self._width, self.margin = found, width, margin
             if lack_of_fit < _OTHER_MODES:
-                break
+                return
             theta = None
         if lack_of_fit > _UNEXPLAINED:
             self.margin = Margin(reason=UNLIKE)
-        elif self.margin.margin_percent is not None:
-            without = yield from without_regeneration(band, prior, found)
-            if without < _NEEDED * lack_of_fit:
-                self.margin = replace(self.margin, margin_percent=None, margin_ci95=None, reason=_NOT_NEEDED)
