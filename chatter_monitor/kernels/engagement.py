@@ -187,7 +187,7 @@ def louder_beside_pump(reliefs, powers, levels, lowest, head):
     if head < FALLING + 2:
         return 0.0, 0.0
     now, then = (head - 1) % levels.shape[0], (head - 1 - FALLING) % levels.shape[0]
-    if levels[now] - levels[then] < NEAR or not _go_on(reliefs, powers, lowest, then, now):
+    if levels[now] - levels[then] < NEAR or not _go_on(reliefs, powers, lowest, head - 1 - FALLING, now):
         return 0.0, 0.0
     after = before = TINY
     crest = 0.0
@@ -200,14 +200,21 @@ def louder_beside_pump(reliefs, powers, levels, lowest, head):
 
 
 @njit(**OPTIONS)
-def _go_on(reliefs, powers, lowest, then, now):
-    """Whether lines stood out in a frame, and each of them is as loud in a later one."""
-    found = False
+def _go_on(reliefs, powers, lowest, past, now):
+    """Whether lines stood out in a frame, counted from the start, and each of them is as loud in a column of now.
+
+    One of them has to be steady. A mode in noise stands out as far at times, and may be as loud again, but not always.
+    """
+    then, found = past % powers.shape[1], False
     for b in range(lowest + 1, reliefs.shape[0] - 1):
         if reliefs[b, then] >= max(FAINT, height(reliefs, b, then)):
             if abs(height(powers, b, now) - height(powers, b, then)) > STILL:
                 return False
-            found = True
+            steady = True
+            for earlier in range(max(0, past - BEFORE), past, FALLING):
+                column = earlier % powers.shape[1]
+                steady &= abs(height(powers, b, column) - height(powers, b, then)) <= STILL
+            found |= steady
     return found
 
 

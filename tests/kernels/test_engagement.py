@@ -260,6 +260,16 @@ def test_a_pump_minds_no_tool(tone, rise, louder, crest):
     assert told == pytest.approx((DECIBEL * louder, DECIBEL * crest))
 
 
+@pytest.mark.parametrize(("earlier", "pump"), [(40.0, True), (39.0, True), (36.0, False), (44.0, False)])
+def test_a_mode_in_noise_is_no_pump(earlier, pump):
+    """What stands out as far now and a moment ago, and did not before that, is no pump that goes on."""
+    reliefs, powers, levels = np.zeros((50, 20)), np.zeros((50, 20)), np.zeros(20)
+    reliefs[20], powers[20], powers[20, 8] = DECIBEL * 40.0, DECIBEL * 40.0, DECIBEL * earlier
+    powers[:, 19], levels[19], powers[20, 19] = DECIBEL * 10.0, DECIBEL * 10.0, DECIBEL * 40.0
+    louder, _ = engagement.louder_beside_pump(reliefs, powers, levels, 2, 20)
+    assert louder == pytest.approx(DECIBEL * 10.0 if pump else 0.0)
+
+
 def spectra(*decibels):
     """Ring of transforms of a line in noise, the line as loud as that in each of them, and logarithms of frames."""
     rng = np.random.default_rng(4)
