@@ -71,6 +71,9 @@ class FollowedMode:
             band.leave_out_outliers()
             band.leave_out_teeth(1.0 / average.delay_s, average.line_width)
             found = yield from fit(band, prior, theta, _STEPS)
+            if band.lack_of_fit > _OTHER_MODES:  # where it fits, what is there tells much of the comb
+                band.leave_out_skirts(1.0 / average.delay_s)
+                found = yield from fit(band, prior, found.theta)
             lack_of_fit = band.lack_of_fit
             margin = margin_of(found, lack_of_fit) if band.stands_out else Margin(reason=_NO_MODE)
             if margin.margin_percent is not None:

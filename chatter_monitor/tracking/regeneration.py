@@ -60,6 +60,8 @@ _DELAY_RANGE = 2.5  # standard deviations of the given delay that are searched
 _STANDS_OUT = 4.0
 # Standard deviations of its mean by which a line that may be expected stands out.
 _EXPECTED_LINE = 3.0
+# How far the skirt of a multiple of the teeth reaches, over its frequency, and at most over the distance to the next.
+_SKIRT, _SKIRT_OF_SPACING = 0.02, 0.12
 _NOTHING_ELSE = 1e9  # precision of what is known
 _LOG_SLIGHTLY_DAMPED = math.log(0.01)
 _BY_CHANCE = 2.0  # standard deviations
@@ -178,6 +180,12 @@ class Band:
         np.add.at(edges, begin[strange], 1.0)
         np.add.at(edges, end[strange], -1.0)
         self.used &= np.cumsum(edges[:-1]) == 0.0
+
+    def leave_out_skirts(self, tooth_hz: float) -> None:
+        """Leave out all that is near to a multiple of the teeth: a load that varies makes a skirt of each of them."""
+        hertz = self.first_hz + np.arange(len(self.periodogram)) * self.bin_hz
+        away = abs(hertz - np.rint(hertz / tooth_hz) * tooth_hz)
+        self.used &= away > np.minimum(_SKIRT * hertz, _SKIRT_OF_SPACING * tooth_hz)
 
     @property
     def lack_of_fit(self) -> float:
