@@ -50,9 +50,8 @@ _GROUPS, _LEAST_GROUP = 60, 8  # for the lack of fit
 _STEPS = 40
 _STEPS_OF_RACE = 6
 _BINS_OF_RACE = 250  # where the starts are told apart; they need not be fitted exactly
-_BINS_AT_ONCE = (
-    3000  # that are evaluated in one piece, at most, but for one evaluation: about a quarter of a millisecond
-)
+# That are evaluated in one piece, at most, but for one evaluation: about a quarter of a millisecond.
+_BINS_AT_ONCE = 3000
 # Of the mode within the delay. With fewer a spindle that wanders moves the comb by less than the comb's own width.
 _FEW_WAVES = 8.0
 _DELAY_RANGE = 2.5  # standard deviations of the given delay that are searched
@@ -146,11 +145,8 @@ class Band:
     def evaluate(self, theta: Array) -> tuple[float, Array, Array]:
         """Negative log-likelihood, its negative gradient and the Fisher information."""
         score, information = np.empty(PARAMETERS), np.empty((PARAMETERS, PARAMETERS))
-        return (
-            float(posterior(theta, self.likelihood(delays=self.delays(theta)), score, information)),
-            score,
-            information,
-        )
+        value = posterior(theta, self.likelihood(delays=self.delays(theta)), score, information)
+        return float(value), score, information
 
     def leave_out_outliers(self) -> None:
         """Leave out what stands out of the spectrum that was evaluated last: lines of other sources, narrow modes."""
