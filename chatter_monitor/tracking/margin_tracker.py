@@ -180,9 +180,11 @@ class MarginTracker:
         tooth_hz, width = rotation_hz * self._teeth, self._settings.speed_uncertainty
         average = Average(spectrum, windows, lines, bin_hz, 1.0 / tooth_hz, self._uncertainty, width)
         yield from self._strongest.follow(average, strongest_hz)
-        turning = rotation_hz, self._teeth, self._uncertainty
-        other_hz = other_peak_hz(spectrum, lines, bin_hz, strongest_hz, *turning)
-        yield _BINS_PER_FRAME
+        other_hz, margin = None, self._strongest.margin
+        if margin is not None and margin.margin_percent is not None:  # else there is nothing to withhold
+            turning = rotation_hz, self._teeth, self._uncertainty
+            other_hz = other_peak_hz(spectrum, lines, bin_hz, strongest_hz, *turning)
+            yield _BINS_PER_FRAME
         if other_hz is None:
             self._other = FollowedMode()
         else:

@@ -73,7 +73,7 @@ class FollowedMode:
             found = yield from fit(band, prior, theta, _STEPS)
             if band.lack_of_fit > _OTHER_MODES:  # where it fits, what is there tells much of the comb
                 band.leave_out_skirts(1.0 / average.delay_s)
-                found = yield from fit(band, prior, found.theta)
+                found = yield from fit(band, prior, found.theta, 2 * _STEPS)
             lack_of_fit = band.lack_of_fit
             margin = margin_of(found, lack_of_fit) if band.stands_out else Margin(reason=_NO_MODE)
             if margin.margin_percent is not None:

@@ -49,6 +49,7 @@ _GROUPS, _LEAST_GROUP = 60, 8  # for the lack of fit
 
 _STEPS = 40
 _STEPS_OF_RACE = 6
+_STEPS_ALONE = 12  # of a mode without regeneration, from its peak
 _BINS_OF_RACE = 250  # where the starts are told apart; they need not be fitted exactly
 # That are evaluated in one piece, at most, but for one evaluation: about a quarter of a millisecond.
 _BINS_AT_ONCE = 3000
@@ -253,10 +254,10 @@ class Fit:
         return bool(self.theta[KAPPA] > -_BY_CHANCE * math.sqrt(self.covariance[KAPPA, KAPPA]))
 
 
-def fit(band: Band, prior: Prior, start: Array, steps: int = _STEPS) -> Pieces[Fit]:
-    """Fisher scoring with Levenberg's damping from a start."""
+def fit(band: Band, prior: Prior, start: Array, steps: int = _STEPS, delays: int | None = None) -> Pieces[Fit]:
+    """Fisher scoring with Levenberg's damping from a start; over so many delays, or as many as it takes."""
     theta = start.copy()
-    likelihood, space, information, progress = band.likelihood(prior, band.delays(theta)), *_room()
+    likelihood, space, information, progress = band.likelihood(prior, delays or band.delays(theta)), *_room()
     bins = len(band.periodogram)
     begin_climb(theta, likelihood, steps, space, information, progress)
     yield bins
@@ -291,7 +292,7 @@ def without_regeneration(band: Band, prior: Prior, found: Fit) -> Pieces[float]:
     start = found.theta.copy()
     start[KAPPA], start[LOG_ZETA] = 0.0, _LOG_SLIGHTLY_DAMPED
     start[LOG_OMEGA] = math.log(2.0 * math.pi * band.mode_hz)
-    mode = yield from fit(band, Prior(prior.mean, precision), start)
+    mode = yield from fit(band, Prior(prior.mean, precision), start, _STEPS_ALONE, delays=1)
     return band.evaluate(mode.theta)[0] - band.evaluate(found.theta)[0]
 
 
