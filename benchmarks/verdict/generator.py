@@ -47,9 +47,14 @@ def cuts(split: Split, count: int, first: int = 0) -> Iterator[Cut]:
 
 def cut(split: Split, number: int) -> Cut:
     """Cut `number` of a split."""
-    family = list(FAMILIES)[number % len(FAMILIES)]
+    family = family_of(number)
     rng = np.random.default_rng([SEEDS[split], number])
     return simulate(FAMILIES[family](rng), f"{split}-{number:04d}-{family}", family, rng)
+
+
+def family_of(number: int) -> str:
+    """Family of cut `number` of either split: they come in turn."""
+    return list(FAMILIES)[number % len(FAMILIES)]
 
 
 def simulate(recipe: Recipe, name: str, family: str, rng: np.random.Generator) -> Cut:

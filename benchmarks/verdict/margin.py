@@ -18,8 +18,7 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks.verdict.cut import INTERVAL_S, Cut
-from benchmarks.verdict.families import FAMILIES
-from benchmarks.verdict.generator import cut
+from benchmarks.verdict.generator import cut, family_of
 from chatter_monitor.tracking.channel import Channel
 from chatter_monitor.tracking.orders import OrderSettings
 from chatter_monitor.tracking.spindle import SpindleSettings
@@ -110,9 +109,8 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--cuts", type=int, default=600, help="of these one in 15 counts (default 600)")
     chosen = parser.parse_args()
-    families = list(FAMILIES)
     of_all = range(chosen.first, chosen.first + chosen.cuts)
-    numbers = [number for number in of_all if families[number % len(families)] == FAMILY]
+    numbers = [number for number in of_all if family_of(number) == FAMILY]
     heard = [told_of(cut(chosen.split, number)) for number in track(numbers, "cuts", console=Console(stderr=True))]
     told = [each for each in heard if each is not None]
     print(f"{chosen.split} {chosen.first} to {of_all[-1]}: a margin in {len(told)} of {len(heard)} steady stable cuts")

@@ -36,7 +36,7 @@ from benchmarks.verdict.cache import cached_cuts
 from benchmarks.verdict.curves import ALLOWED, Detector, at_equal_false_alarms, curve
 from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, RATE_HZ, Cut, Label, Truth
 from benchmarks.verdict.families import FAMILIES
-from benchmarks.verdict.generator import SEEDS, Split
+from benchmarks.verdict.generator import SEEDS, Split, family_of
 from benchmarks.verdict.monitor import listen
 from benchmarks.verdict.recipe import Recipe
 from benchmarks.verdict.scoring import Heard
@@ -66,8 +66,7 @@ LEAST = 1e-12
 
 def recipe_of(split: Split, number: int) -> Recipe:
     """Return what a cut was made from."""
-    family = list(FAMILIES)[number % len(FAMILIES)]
-    return FAMILIES[family](np.random.default_rng([SEEDS[split], number]))
+    return FAMILIES[family_of(number)](np.random.default_rng([SEEDS[split], number]))
 
 
 def log_odds(cut: Cut, recipe: Recipe, *, load_told: bool) -> Floats:

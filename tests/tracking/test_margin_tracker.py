@@ -130,7 +130,7 @@ def test_without_regeneration_there_is_no_margin():
 
 
 def test_noise_and_tones_are_no_mode():
-    """White noise has no mode, and neither have tones; of two modes as loud as each other no margin is told."""
+    """White noise has no mode, and neither have tones; of several as loud as each other no margin is told."""
     rng, time_s = np.random.default_rng(4), np.arange(int(8 * RATE_HZ)) / RATE_HZ
     noise = rng.standard_normal(len(time_s))
     assert margins(noise)[-1].reason == "no mode stands out"
@@ -138,6 +138,8 @@ def test_noise_and_tones_are_no_mode():
     assert margins(tones + 1e-3 * noise)[-1].ratio is None
     twins = vibration(len(noise), [(500.0, 0.005), (535.0, 0.005)], seed=4)
     assert margins(twins)[-1].margin_percent is None
+    three = vibration(len(noise), [(480.0, 0.005), (500.0, 0.005), (527.0, 0.005)], seed=4)
+    assert "not that of one mode" in margins(three)[-1].reason
 
 
 def test_beyond_the_speed_nothing_is_claimed_and_another_speed_starts_anew(half):
