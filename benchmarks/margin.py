@@ -49,9 +49,9 @@ class Cut:
     """A cut and how it is heard.
 
     `second_mode` is its frequency over the first's, damping and participation; `tooth_modulation` the relative
-    amplitude of kappa at the tooth passing frequency, `unsteadiness` the relative rms of its random change within
-    20 ms; `speed_wander` the relative amplitude of a slow change of speed over 7 s; `lines_db` the level of all spindle
-    lines left in the signal, relative to the vibration.
+    amplitude of kappa, and of the noise of cutting, at the tooth passing frequency; `unsteadiness` the relative rms of
+    kappa's random change within 20 ms; `speed_wander` the relative amplitude of a slow change of speed over 7 s;
+    `lines_db` the level of all spindle lines left in the signal, relative to the vibration.
     """
 
     mode: Mode
@@ -162,11 +162,12 @@ def simulate(cut: Cut, duration_s: float = DURATION_S) -> Array:
     speed = 1.0 + cut.speed_wander * np.sin(2 * np.pi * np.arange(n) / rate / 7.0)
     slow = lfilter([1.0], [1.0, -np.exp(-1.0 / (0.02 * rate))], rng.standard_normal(n))
     teeth_passed = np.cumsum(speed) / rate * tooth_hz
-    kappa = cut.kappa * (1.0 + cut.tooth_modulation * np.cos(2 * np.pi * teeth_passed))
+    engaged = 1.0 + cut.tooth_modulation * np.cos(2 * np.pi * teeth_passed)
+    kappa = cut.kappa * engaged
     kappa *= 1.0 + cut.unsteadiness * slow / slow.std()
     parts = np.array([(mode.omega, mode.damping_ratio, mode.participation) for mode in cut.modes]).T.copy()
     motion = np.zeros((3, n))
-    integrate(*parts, kappa, rate / (tooth_hz * speed), rng.standard_normal(n), 1 / rate, motion)
+    integrate(*parts, kappa, rate / (tooth_hz * speed), engaged * rng.standard_normal(n), 1 / rate, motion)
     taps = firwin(64 * oversampling + 1, 1.0 / oversampling, window=("kaiser", 7.86))
     y = upfirdn(taps, motion[SENSORS[cut.sensor]], down=oversampling)[32:]
     if cut.sensor == "pressure":
@@ -258,7 +259,8 @@ CIRCUMSTANCES: dict[str, dict[str, object]] = {
     "spindle lines 0 dB": {"lines_db": 0.0},
     "second mode at 1.4 f": {"second_mode": (1.4, 0.03, 0.5)},
     "second mode at 1.9 f": {"second_mode": (1.9, 0.02, 0.7)},
-    "kappa +-50 % per tooth": {"tooth_modulation": 0.5},
+    "teeth modulate by 50 %": {"tooth_modulation": 0.5},
+    "teeth modulate by 80 %": {"tooth_modulation": 0.8},
     "kappa unsteady 15 %": {"unsteadiness": 0.15},
     "speed wanders 0.1 %": {"speed_wander": 0.001},
     "speed wanders 0.3 %": {"speed_wander": 0.003},

@@ -8,11 +8,20 @@ from numba import njit
 
 from chatter_monitor.kernels.delay_roots import critical_coefficient
 from chatter_monitor.kernels.options import OPTIONS, WITHIN
-from chatter_monitor.kernels.whittle import KAPPA, LOG_GAIN, LOG_OMEGA, LOG_TAU, LOG_ZETA, PARAMETERS, whittle
+from chatter_monitor.kernels.regenerative_spectrum import (
+    KAPPA,
+    LOG_GAIN,
+    LOG_OMEGA,
+    LOG_TAU,
+    LOG_ZETA,
+    MODULATION,
+    PARAMETERS,
+)
+from chatter_monitor.kernels.whittle import whittle
 
 FIRST_DAMPING = 1e-3
 CONVERGED = 0.02  # nats that a step promises: a fifth of a standard deviation, and the step is still taken
-LARGEST_STEP = (2.0, 2.0, 0.02, 0.5, 0.1, 0.01, 0.5, 2.0)
+LARGEST_STEP = (2.0, 2.0, 0.02, 0.5, 0.1, 0.01, 0.5, 0.3, 2.0)
 
 # Indices of what a climb keeps from piece to piece: the negative log-posterior where it is, Levenberg's damping, and
 # how many steps it may still take.
@@ -26,7 +35,7 @@ class Likelihood(NamedTuple):
     ----------
     weight : float
         By which the likelihood of the bins counts.
-    prior_mean, prior_precision : ndarray of float64, shape (8,)
+    prior_mean, prior_precision : ndarray of float64, shape (9,)
         Of an independent normal distribution.
     """
 
@@ -65,11 +74,12 @@ def stabilise(theta):
     """Mirror what lies beyond the limit.
 
     A root as far to the right of the imaginary axis as it was to the left has the same spectrum. What is stationary has
-    none there; growth is for others to see.
+    none there; growth is for others to see. A modulation half a tooth later has the same spectrum, too.
     """
     critical = critical_coefficient(math.exp(theta[LOG_OMEGA]), math.exp(theta[LOG_ZETA]), math.exp(theta[LOG_TAU]))
     if theta[KAPPA] > critical:
         theta[KAPPA] = max(2.0 * critical - theta[KAPPA], 0.5 * critical)
+    theta[MODULATION] = abs(theta[MODULATION])
 
 
 @njit(**WITHIN)
@@ -86,15 +96,15 @@ def climb(theta, likelihood, steps, space, information, progress):
 
     Parameters
     ----------
-    theta : ndarray of float64, shape (8,)
+    theta : ndarray of float64, shape (9,)
         Where to start; overwritten with where it ends.
     likelihood : Likelihood
         When the climb is over, its ``spectrum`` is left as by `whittle` for the result.
     steps : int
         At most.
-    space : ndarray of float64, shape (20, 8)
+    space : ndarray of float64, shape (22, 9)
         Kept from piece to piece; the first row is the negative gradient.
-    information : ndarray of float64, shape (8, 8)
+    information : ndarray of float64, shape (9, 9)
         Expected Hessian, at the result in the end.
     progress : ndarray of float64, shape (3,)
         At the indices above.

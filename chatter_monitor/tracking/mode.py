@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_monitor.kernels.regenerative_spectrum import MODULATION
 from chatter_monitor.tracking.margin import UNLIKE, Margin, margin_of
 from chatter_monitor.tracking.regeneration import Band, Fit, Pieces, Prior, fit, search, without_regeneration
 
@@ -70,7 +71,9 @@ class FollowedMode:
             band.evaluate(theta)
             band.leave_out_outliers()
             band.leave_out_teeth(1.0 / average.delay_s, average.line_width)
-            found = yield from fit(band, prior, theta, _STEPS)
+            start = theta.copy()
+            start[MODULATION] = start[MODULATION] or prior.mean[MODULATION]  # after a search it is none: a saddle
+            found = yield from fit(band, prior, start, _STEPS)
             if band.lack_of_fit > _OTHER_MODES:  # where it fits, what is there tells much of the comb
                 band.leave_out_skirts(1.0 / average.delay_s)
                 found = yield from fit(band, prior, found.theta, 2 * _STEPS)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from chatter_monitor.kernels.delay_roots import critical_coefficient
 from chatter_monitor.kernels.peaks import LINE_BINS
 from chatter_monitor.kernels.regeneration import VALUE, Likelihood, begin_climb, climb, posterior, race
-from chatter_monitor.kernels.whittle import (
+from chatter_monitor.kernels.regenerative_spectrum import (
     DELAYS,
     KAPPA,
     LOG_FLOOR,
@@ -25,11 +25,11 @@ from chatter_monitor.kernels.whittle import (
     LOG_SPREAD,
     LOG_TAU,
     LOG_ZETA,
+    MODULATION,
     PARAMETERS,
-    REACH,
     SLOPE,
-    WORK,
 )
+from chatter_monitor.kernels.whittle import REACH, WORK
 from chatter_monitor.tracking.periodogram import exceeded_by_chance
 
 Array = NDArray[np.float64]
@@ -38,11 +38,12 @@ T = TypeVar("T")
 Pieces = Generator[int, None, T]
 
 # What is believed before the first sample: sensors respond to displacement up to acceleration, structures are damped by
-# 0.5 to 10 %, spindles wander by 0.05 to 0.5 % within seconds. As wide as they are, they only matter where the spectrum
-# does not tell.
+# 0.5 to 10 %, spindles wander by 0.05 to 0.5 % within seconds, teeth modulate the process by 0 if they stay engaged, by
+# 1 if they leave as soon as they have entered. As wide as that is, it only matters where the spectrum does not tell.
 _SLOPE_MEAN, _SLOPE_SD = 2.0, 2.0
 _LOG_ZETA_MEAN, _LOG_ZETA_SD = np.log(0.025), 1.0
 _LOG_SPREAD_MEAN, _LOG_SPREAD_SD = np.log(0.0015), 0.6
+_MODULATION_MEAN, _MODULATION_SD = 0.4, 0.4
 _LOG_FLOOR_SD = 5.0
 
 _GROUPS, _LEAST_GROUP = 60, 8  # for the lack of fit
@@ -219,10 +220,17 @@ class Prior:
             (LOG_ZETA, _LOG_ZETA_MEAN, _LOG_ZETA_SD),
             (LOG_TAU, np.log(delay_s), delay_uncertainty),
             (LOG_SPREAD, _LOG_SPREAD_MEAN, _LOG_SPREAD_SD),
+            (MODULATION, _MODULATION_MEAN, _MODULATION_SD),
             (LOG_FLOOR, np.log(floor), _LOG_FLOOR_SD),
         ):
             mean[index], precision[index] = centre, sd**-2
         return cls(mean, precision)
+
+    def unmodulated(self) -> Prior:
+        """Return the same for teeth that do not modulate the process."""
+        mean, precision = self.mean.copy(), self.precision.copy()
+        mean[MODULATION], precision[MODULATION] = 0.0, _NOTHING_ELSE
+        return Prior(mean, precision)
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,9 +239,9 @@ class Fit:
 
     Attributes
     ----------
-    theta : ndarray of float64, shape (8,)
+    theta : ndarray of float64, shape (9,)
         Parameters in the order of `kernels.regeneration`.
-    information : ndarray of float64, shape (8, 8)
+    information : ndarray of float64, shape (9, 9)
         Expected Hessian of the negative log-posterior.
     value : float
         Negative log-posterior.
@@ -245,7 +253,7 @@ class Fit:
 
     @property
     def covariance(self) -> Array:
-        """Of the parameters, shape (8, 8); infinite where the information does not determine them."""
+        """Of the parameters, shape (9, 9); infinite where the information does not determine them."""
         return covariance_of(self.information)
 
     @property
@@ -287,12 +295,12 @@ def covariance_of(information: Array) -> Array:
 
 def without_regeneration(band: Band, prior: Prior, found: Fit) -> Pieces[float]:
     """How much less likely the band is without regeneration, but with any damping, than with what was found (nats)."""
-    precision = prior.precision.copy()
-    precision[KAPPA], precision[LOG_ZETA] = _NOTHING_ELSE, 0.0
+    alone = prior.unmodulated()
+    alone.precision[KAPPA], alone.precision[LOG_ZETA] = _NOTHING_ELSE, 0.0
     start = found.theta.copy()
-    start[KAPPA], start[LOG_ZETA] = 0.0, _LOG_SLIGHTLY_DAMPED
+    start[KAPPA], start[MODULATION], start[LOG_ZETA] = 0.0, 0.0, _LOG_SLIGHTLY_DAMPED
     start[LOG_OMEGA] = math.log(2.0 * math.pi * band.mode_hz)
-    mode = yield from fit(band, Prior(prior.mean, precision), start, _STEPS_ALONE, delays=1)
+    mode = yield from fit(band, alone, start, _STEPS_ALONE, delays=1)
     return band.evaluate(mode.theta)[0] - band.evaluate(found.theta)[0]
 
 
@@ -300,8 +308,10 @@ def search(band: Band, prior: Prior) -> Pieces[Fit]:
     """Fit from many starts: every one goes a few steps, the best to the end, then along the delay.
 
     The likelihood has a maximum for nearly every whole number of waves that the delay may hold within its prior, and
-    between them others, where kappa is negative. No cut pulls its tool in: those are left for one that may be.
+    between them others, where kappa is negative. No cut pulls its tool in: those are left for one that may be. What the
+    teeth modulate is left to the fit that follows.
     """
+    prior = prior.unmodulated()
     delay_s = float(np.exp(prior.mean[LOG_TAU]))
     start = yield from _race(band.coarse(_BINS_OF_RACE), prior, delay_s)
     best = yield from fit(band, prior, start)

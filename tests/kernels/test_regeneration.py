@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import toeplitz
 
 from chatter_monitor.kernels.delay_roots import critical_coefficient
 from chatter_monitor.kernels.regeneration import VALUE, Likelihood, begin_climb, climb, race, solve, stabilise
-from chatter_monitor.kernels.whittle import (
+from chatter_monitor.kernels.regenerative_spectrum import (
     DELAYS,
     KAPPA,
     LOG_GAIN,
@@ -13,25 +14,35 @@ from chatter_monitor.kernels.whittle import (
     LOG_SPREAD,
     LOG_TAU,
     LOG_ZETA,
+    MODULATION,
     PARAMETERS,
-    WORK,
-    whittle,
 )
+from chatter_monitor.kernels.whittle import WORK, whittle
 
 FIRST, WIDTH, CENTRE, BINS = 2 * np.pi * 600.0, 2 * np.pi * 0.4, 2 * np.pi * 950.0, 1500
-THETA = np.array([-3.0, 1.7, np.log(2 * np.pi * 990.0), np.log(0.03), 0.025, np.log(0.027), np.log(0.003), -5.0])
+THETA = np.array([-3.0, 1.7, np.log(2 * np.pi * 990.0), np.log(0.03), 0.025, np.log(0.027), np.log(0.003), 0.6, -5.0])
+STEADY = THETA * (np.arange(PARAMETERS) != MODULATION)  # a process stiffness that the teeth do not modulate
 
-OFF = np.array([1.02, 0.98, 1.0002, 1.02, 0.9, 1.0002, 1.02, 1.02])  # by which the starts of a climb are wrong
+OFF = np.array([1.02, 0.98, 1.0002, 1.02, 0.9, 1.0002, 1.02, 0.9, 1.02])  # by which the starts of a climb are wrong
 
 
 def spectrum(theta, omega, delays):
-    """S at some frequencies, as written in the module's docstring."""
-    gain, floor = np.exp(theta[0]), np.exp(theta[7])
+    """S as in the docstring of `regenerative_spectrum`, but solved for the three frequencies that the teeth couple."""
+    gain, floor, modulation = np.exp(theta[0]), np.exp(theta[8]), np.array([theta[7] / 2, 1, theta[7] / 2])
     slope, w, zeta, kappa = theta[1], np.exp(theta[2]), np.exp(theta[3]), theta[4]
-    off, weights = np.polynomial.hermite_e.hermegauss(delays)
-    r, tau = omega / w, np.exp(theta[5]) * (1 + np.exp(theta[6]) * off[:, np.newaxis])
-    D = 1 - r**2 + 2j * zeta * r + kappa * (1 - np.exp(-1j * omega * tau))
-    return gain * (omega / CENTRE) ** slope * (weights / weights.sum() @ abs(D) ** -2.0) + floor
+    offs, weights = np.polynomial.hermite_e.hermegauss(delays)
+    coupled = toeplitz([modulation[1], modulation[2], 0])
+    square = np.convolve(modulation, modulation)
+    noise = toeplitz(square[2:]) / square[2]
+    r = (omega[:, np.newaxis] + 2 * np.pi * np.exp(-theta[5]) * np.arange(-1, 2)) / w
+    mean = 0
+    for off, weight in zip(offs, weights / weights.sum(), strict=True):
+        delayed = kappa * (1 - np.exp(-1j * omega * np.exp(theta[5]) * (1 + np.exp(theta[6]) * off)))
+        alone = (1 - r**2 + 2j * zeta * r)[..., np.newaxis] * np.eye(3)
+        stiffness = alone + delayed[:, np.newaxis, np.newaxis] * coupled
+        row = np.linalg.inv(stiffness)[:, 1]
+        mean = mean + weight * np.einsum("ni,ij,nj->n", row, noise, row.conj()).real
+    return gain * (omega / CENTRE) ** slope * mean + floor
 
 
 def windowed(theta, delays):
@@ -56,11 +67,18 @@ def run(theta, periodogram, used=None, delays=DELAYS):
     return value, score, information, model
 
 
+@pytest.mark.parametrize("theta", [THETA, STEADY])
 @pytest.mark.parametrize("delays", [1, DELAYS])
-def test_the_model_is_the_mean_of_a_windowed_periodogram(delays):
+def test_the_model_is_the_mean_of_a_windowed_periodogram(delays, theta):
     """The spectrum left behind is S seen through the Hann window, within 0.5 % at the sharpest peak."""
-    model = run(THETA, np.ones(BINS), delays=delays)[3]
-    np.testing.assert_allclose(model, windowed(THETA, delays), rtol=5e-3)
+    model = run(theta, np.ones(BINS), delays=delays)[3]
+    np.testing.assert_allclose(model, windowed(theta, delays), rtol=5e-3)
+
+
+def test_a_slight_modulation_is_next_to_none():
+    """Both ways to the spectrum meet."""
+    slight = STEADY + 1e-6 * np.eye(PARAMETERS)[MODULATION]
+    np.testing.assert_allclose(run(slight, np.ones(BINS))[3], run(STEADY, np.ones(BINS))[3], rtol=1e-5)
 
 
 def test_a_spindle_that_hardly_wanders_has_one_delay():
@@ -84,13 +102,14 @@ def test_the_likelihood_is_the_sum_over_the_bins_in_use():
     np.testing.assert_array_equal(other_score, score)
 
 
-def test_the_score_is_the_negative_gradient():
+@pytest.mark.parametrize("theta", [THETA, STEADY])
+def test_the_score_is_the_negative_gradient(theta):
     """Each entry agrees with a central difference of the likelihood."""
-    periodogram = run(THETA, np.ones(BINS))[3] * np.random.default_rng(2).exponential(size=BINS)
-    _, score, _, _ = run(THETA, periodogram)
+    periodogram = run(theta, np.ones(BINS))[3] * np.random.default_rng(2).exponential(size=BINS)
+    _, score, _, _ = run(theta, periodogram)
     for i in range(PARAMETERS):
         step = 1e-6 * np.eye(PARAMETERS)[i]
-        slope = (run(THETA + step, periodogram)[0] - run(THETA - step, periodogram)[0]) / 2e-6
+        slope = (run(theta + step, periodogram)[0] - run(theta - step, periodogram)[0]) / 2e-6
         assert -slope == pytest.approx(score[i], rel=1e-3, abs=1e-2)
 
 

@@ -47,6 +47,15 @@ def test_a_stable_cut_is_heard_within_15_percent(share, sensor):
     assert margin.reason is None
 
 
+@pytest.mark.parametrize("share", [0.35, 0.7])
+def test_teeth_that_enter_and_leave_are_not_taken_for_more_regeneration(share):
+    """A mode that forgets between two teeth is heard while they cut, which would be read as a third more."""
+    cut = replace(CUT, kappa=share * LIMIT)
+    steady, margin = margins(simulate(cut))[-1], margins(simulate(replace(cut, tooth_modulation=0.8)))[-1]
+    assert margin.ratio == pytest.approx(steady.ratio, rel=0.1)
+    assert margin.ratio_ci95[0] < share < margin.ratio_ci95[1]
+
+
 def test_blocks_of_any_size_give_the_same_bits(half):
     """One frame every 640 samples, with the same values however the samples come."""
     whole = margins(half)
