@@ -9,12 +9,14 @@ PYTHON ?= python3
 demo: $(READY)
 	@$(BIN)/chatter-monitor replay replay_data/bar_turning.flac --config config/lathe.toml
 
+# Files side by side on all cores; then, one by one, what needs a sound card or a service manager to itself.
 test: $(READY)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not system"
+	$(BIN)/python -m pytest -m system
 
 # What to run while developing: without the statistics over thousands of windows.
 test-fast: $(READY)
-	$(BIN)/python -m pytest -m "not slow and not system"
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow and not system"
 
 check: $(READY)
 	$(BIN)/ruff check .
