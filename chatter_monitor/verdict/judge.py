@@ -7,7 +7,7 @@ What each vibration is, is followed by `verdict.vibrations`; what an interval is
 from __future__ import annotations
 
 from chatter_monitor.kernels.kinds import LOUDER, own_rise
-from chatter_monitor.kernels.vibrations import JUST_NOW, Rules
+from chatter_monitor.kernels.vibrations import Rules
 from chatter_monitor.records import Flag, Verdict
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.margin_tracker import FRAMES_TO_RENEW
@@ -96,8 +96,7 @@ class Judge:
         """Follow what an interval shows."""
         settings, unheard = self._settings, evidence.orders.spindle_unheard
         rules = Rules(settings.alarm_probability, settings.calm_probability, unheard=unheard)
-        calm = memory.since_alarm >= JUST_NOW
-        told = self._following.follow(evidence, rules, self._loudness.usual, calm=calm)
+        told = self._following.follow(evidence, rules, self._loudness.usual, calm=memory.calm)
         synchronous = evidence.orders.synchronous_share
         steady = memory.steady + AVERAGING * (steady_share(synchronous, told) - memory.steady)
         repeating = repeating_share(evidence.orders, told)
@@ -126,7 +125,7 @@ class Judge:
         calm = told.overview.suspicion < self._settings.warning_probability
         powers = evidence.power, evidence.turning
         odds = 0.0 if suspect is None else suspect.self_excited / max(1.0 - suspect.self_excited, 1e-6)
-        undisturbed = not alarm and memory.since_alarm >= JUST_NOW
+        undisturbed = memory.calm and not alarm
         times = self._irregularity.hear(evidence.rms**2, evidence.orders.repeating_share, calm=undisturbed)
         irregular = times > 0.0
         loud = self._loudness.hear(*powers, alarm=alarm or irregular, odds=odds, calm=calm and not irregular)

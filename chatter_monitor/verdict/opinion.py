@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from chatter_monitor.kernels.vibrations import JUST_NOW
 from chatter_monitor.records import State
 from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.evidence import Evidence, Vibration, probability_below
@@ -66,6 +67,11 @@ class Memory(NamedTuple):
     undamped: bool = False
     since_alarm: float = math.inf
     found: bool = False
+
+    @property
+    def calm(self) -> bool:
+        """Whether there has been no alarm just now."""
+        return self.since_alarm >= JUST_NOW
 
 
 class Opinion(NamedTuple):
