@@ -22,6 +22,9 @@ _OTHER_MODES = 2.0
 _UNEXPLAINED = 4.0
 # Regeneration is visible when the spectrum is less likely without it, whatever the damping, by so much (in nats).
 _NEEDED = 2.0
+# Waves within the delay beyond which the comb of a spindle that wanders as spindles do cannot be told from none.
+_MOST_WAVES = 60.0
+_TOO_MANY_WAVES = "{:.0f} waves from one tooth to the next are too many to hear regeneration"
 _NO_MODE = "no mode stands out"
 _NOT_NEEDED = "no regeneration visible: the spectrum may be that of a mode alone"
 
@@ -60,6 +63,9 @@ class FollowedMode:
 
     def follow(self, average: Average, peak_hz: float) -> Pieces[None]:
         """Fit the mode to an average in which it is, roughly, the peak that is given."""
+        if (waves := peak_hz * average.delay_s) > _MOST_WAVES:
+            self.fit, self.margin = None, Margin(reason=_TOO_MANY_WAVES.format(waves))
+            return
         if self.fit is None or not self.fit.may_be or abs(peak_hz / self._hertz - 1.0) > _OTHER_MODE:
             self.fit, self._hertz, self._width = None, peak_hz, 0
         theta = None if self.fit is None else self.fit.theta

@@ -38,11 +38,11 @@ T = TypeVar("T")
 Pieces = Generator[int, None, T]
 
 # What is believed before the first sample: sensors respond to displacement up to acceleration, structures are damped by
-# 0.5 to 10 %, spindles wander by 0.05 to 0.5 % within seconds, teeth modulate the process by 0 if they stay engaged, by
+# 0.5 to 10 %, spindles wander by 0.1 to 0.7 % within seconds, teeth modulate the process by 0 if they stay engaged, by
 # 1 if they leave as soon as they have entered. As wide as that is, it only matters where the spectrum does not tell.
 _SLOPE_MEAN, _SLOPE_SD = 2.0, 2.0
 _LOG_ZETA_MEAN, _LOG_ZETA_SD = np.log(0.025), 1.0
-_LOG_SPREAD_MEAN, _LOG_SPREAD_SD = np.log(0.0015), 0.6
+_LOG_SPREAD_MEAN, _LOG_SPREAD_SD = np.log(0.0025), 0.5
 _MODULATION_MEAN, _MODULATION_SD = 0.4, 0.4
 _LOG_FLOOR_SD = 5.0
 

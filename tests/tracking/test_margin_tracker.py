@@ -56,6 +56,13 @@ def test_teeth_that_enter_and_leave_are_not_taken_for_more_regeneration(share):
     assert margin.ratio_ci95[0] < share < margin.ratio_ci95[1]
 
 
+def test_too_many_waves_between_two_teeth(half):
+    """A third of the speed would make 81 of them: a spindle that wanders hides what such a delay does."""
+    margin = margins(half, ROTATION_HZ / 3.0)[-1]
+    assert margin.margin_percent is None
+    assert "waves" in margin.reason
+
+
 def test_blocks_of_any_size_give_the_same_bits(half):
     """One frame every 640 samples, with the same values however the samples come."""
     whole = margins(half)
