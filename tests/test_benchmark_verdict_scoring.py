@@ -11,7 +11,7 @@ from benchmarks.verdict.curves import Detector, at_equal_false_alarms, curve
 from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, RATE_HZ, Cut, Label, Stretch, Truth
 from benchmarks.verdict.monitor import Opinions
 from benchmarks.verdict.peers import PEERS
-from benchmarks.verdict.scoring import Heard, by_event, by_interval, lags, margins, reliability, warnings
+from benchmarks.verdict.scoring import Heard, by_event, by_interval, lags, reliability, warnings
 
 ONSET = 60  # interval of the crossing
 LABELS = np.repeat(
@@ -48,8 +48,8 @@ def made_up(family="step", samples=None):
     )
 
 
-def heard(state, family="step", confidence=0.9, margin=np.nan):
-    said = Opinions(np.array(state), confidence * ONES, 1000.0 * ONES, 0.01 * ONES, margin * ONES)
+def heard(state, family="step", confidence=0.9):
+    said = Opinions(np.array(state), confidence * ONES)
     return Heard(made_up(family), said)
 
 
@@ -130,14 +130,8 @@ def test_a_tone_called_forced_is_neither_right_nor_wrong():
 def test_the_surer_a_calm_verdict_the_lower_its_score():
     """Alarms come by their confidence, warnings and the rest by what they are less than sure of."""
     states, sure = ["self_excited"] * 2 + ["approaching"] * 2 + ["stable"] * 2, [0.95, 0.85, 0.1, 0.4, 0.6, 0.8]
-    score = Opinions(np.array(states), np.array(sure), *[np.zeros(6)] * 3).score
+    score = Opinions(np.array(states), np.array(sure)).score
     assert (np.diff(score) < 0.0).all()
-
-
-def test_margin_error_is_that_of_the_ratio():
-    """A margin of 100 % says half the limit; at 0.4 of it that is 25 % too high."""
-    assert margins([heard(PERFECT, "stable", margin=100.0)])["median_relative_error"] == pytest.approx(0.25)
-    assert margins([heard(PERFECT, "stable")])["silent"] == 1
 
 
 def test_curve_of_a_score_that_knows_and_of_one_that_does_not():

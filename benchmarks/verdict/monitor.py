@@ -24,21 +24,18 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Opinions:
-    """What the monitor said of a cut; arrays of shape (intervals,), NaN where it said nothing.
+    """What the monitor said of a cut; arrays of shape (intervals,).
 
     Attributes
     ----------
     state : ndarray of str
         As in the verdict message.
-    confidence, frequency_hz, damping_ratio, margin_percent : ndarray
-        Fields of the same names.
+    confidence : ndarray
+        Likewise.
     """
 
     state: NDArray[np.str_]
     confidence: Floats
-    frequency_hz: Floats
-    damping_ratio: Floats
-    margin_percent: Floats
 
     @property
     def score(self) -> Floats:
@@ -100,17 +97,7 @@ def listen(cut: Cut, told: tuple[float, int] | None) -> Opinions:
     kept = verdicts.verdicts
     if len(kept) != len(cut.truth):
         raise RuntimeError(f"{len(kept)} verdicts for {len(cut.truth)} intervals of {cut.name}")
-
-    def column(name: str) -> Floats:
-        return np.array([np.nan if (value := getattr(v, name)) is None else value for v in kept], float)
-
-    return Opinions(
-        state=np.array([v.state for v in kept]),
-        confidence=column("confidence"),
-        frequency_hz=column("frequency_hz"),
-        damping_ratio=column("damping_ratio"),
-        margin_percent=column("margin_percent"),
-    )
+    return Opinions(np.array([v.state for v in kept]), np.array([v.confidence for v in kept]))
 
 
 def watch(passages: Iterable[Passage], *, announce: bool) -> Iterator[Remarks]:

@@ -15,7 +15,6 @@ from benchmarks.verdict.scoring import (
     by_event,
     by_interval,
     lags,
-    margins,
     reliability,
     warnings,
 )
@@ -33,7 +32,6 @@ def as_results(heard: list[Heard], found: list[Detector]) -> dict[str, Any]:
         "lags": lags((h.cut, h.alarm) for h in heard),
         "warnings": warnings(heard),
         "reliability": reliability(heard),
-        "margins": margins(heard),
         "peers": {detector.name: at_equal_false_alarms(detector, heard) for detector in found},
     }
 
@@ -61,7 +59,7 @@ def show(console: Console, name: str, results: dict[str, Any]) -> None:
             _percent(score["event"]["false_alarm_share"], 0),
         )
     console.print(table)
-    for heading in ("lags", "warnings", "margins"):
+    for heading in ("lags", "warnings"):
         console.print(f"{heading}: " + ", ".join(f"{key} {_number(value)}" for key, value in results[heading].items()))
     table = Table(title=f"Reliability of the confidence, {name}")
     for heading in ("confidence", "verdicts", "mean", "right"):

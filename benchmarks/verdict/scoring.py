@@ -1,4 +1,4 @@
-"""How verdicts are scored against the truth: by interval, by event, by lag, by confidence, by margin.
+"""How verdicts are scored against the truth: by interval, by event, by lag, by confidence.
 
 Scoring rules change rankings, so intervals and events are both given. Whatever the truth leaves open is not scored.
 """
@@ -25,7 +25,6 @@ WARNING_S = 2.0  # a warning counts for so long before the amplitude has doubled
 LAG_S, LAG_PERIODS = 0.05, 30.0  # the longer is allowed
 SNR_BANDS_DB = ((10.0, 18.0), (18.0, 27.0), (27.0, 35.0))
 CONFIDENCE_EDGES = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0001)
-MARGIN_WINDOW_S = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,36 +186,6 @@ def reliability(heard: Iterable[Heard]) -> list[dict[str, float | None]]:
             }
         )
     return table
-
-
-def margins(heard: Iterable[Heard]) -> dict[str, float | None]:
-    """Errors of the margin over windows of 5 s of the family of steady stable cuts.
-
-    The margin is 100 (kappa_critical / kappa - 1) percent; what is compared is kappa over its critical value.
-    """
-    ratio_errors, damping_errors, silent = [], [], 0
-    for h in heard:
-        if h.cut.family != "stable":
-            continue
-        truth, size = h.cut.truth, round(MARGIN_WINDOW_S / INTERVAL_S)
-        for first in range(round(1.0 / INTERVAL_S), len(truth) - size + 1, size):
-            window = slice(first, first + size)
-            said = 1.0 / (1.0 + h.said.margin_percent[window] / 100.0)
-            if np.isnan(said).mean() > 0.5:
-                silent += 1
-                continue
-            true = np.median(truth.kappa[window] / truth.kappa_critical[window])
-            ratio_errors.append(abs(float(np.nanmedian(said)) / true - 1.0))
-            damping = np.nanmedian(h.said.damping_ratio[window]) - np.median(truth.damping_ratio[window])
-            damping_errors.append(abs(float(damping)))
-    return {
-        "windows": len(ratio_errors),
-        "silent": silent,
-        "median_relative_error": _percentile(ratio_errors, 50),
-        "p95_relative_error": _percentile(ratio_errors, 95),
-        "median_damping_error": _percentile(damping_errors, 50),
-        "damping_within_0.005": float(np.mean(np.array(damping_errors) < 0.005)) if damping_errors else None,
-    }
 
 
 def _shortly_before(cut: Cut) -> Bools:
