@@ -77,50 +77,46 @@ def turn(theta, bin_width, delays, work):
 @njit(inline="always", **SUMS)
 def respond(theta, omega, bin_width, delays, work, rows):
     """Fill rows with the signal and its derivatives at places a bin apart, the first at the angular frequency omega."""
-    if theta[MODULATION] == 0.0:  # the same, but three times as fast
-        _respond_steadily(theta, omega, bin_width, delays, work, rows)
-    else:
-        _respond_to_teeth(theta, omega, bin_width, delays, work, rows)
+    for delay in range(delays):
+        if theta[MODULATION] == 0.0:  # the same, but three times as fast
+            _respond_steadily(theta, omega, bin_width, delays, delay, work, rows)
+        else:
+            _respond_to_teeth(theta, omega, bin_width, delays, delay, work, rows)
 
 
 @njit(inline="always", **SUMS)
-def _respond_steadily(theta, omega, bin_width, delays, work, rows):
-    """Do what `respond` does for teeth that do not modulate."""
+def _respond_steadily(theta, omega, bin_width, delays, delay, work, rows):
+    """Do what `respond` does for one of the delays, and teeth that do not modulate."""
     gain, slope = math.exp(theta[LOG_GAIN]), theta[SLOPE]
     inverse_w = math.exp(-theta[LOG_OMEGA])  # of 1 / w the compiler makes a division in each place again
     zeta, kappa = math.exp(theta[LOG_ZETA]), theta[KAPPA]
-    for delay in range(delays):
-        tau, off, share = _delay(theta, delays, delay)
-        turns, first = delay * TURNS, delay == 0
-        real, imag = math.cos(omega * tau), -math.sin(omega * tau)
-        for t in range(ROOM):
-            turned = omega + t * bin_width
-            cosine = real * work[turns + TURN_REAL + t] - imag * work[turns + TURN_IMAG + t]
-            sine = real * work[turns + TURN_IMAG + t] + imag * work[turns + TURN_REAL + t]
-            r = turned * inverse_w
-            damper = 2.0 * zeta * r
-            in_phase = 1.0 - r * r + kappa * (1.0 - cosine)
-            quadrature = damper - kappa * sine
-            compliance = 1.0 / (in_phase * in_phase + quadrature * quadrature)
-            log_frequency = work[rows + t]
-            signal = share * gain * _exponential(slope * log_frequency) * compliance
-            # d signal = -2 signal Re(dD / D)
-            x = -2.0 * signal * compliance * in_phase
-            y = -2.0 * signal * compliance * quadrature
-            by_tau = kappa * turned * (y * cosine - x * sine)
-            _put(work, rows + SIGNAL + LOG_GAIN * ROOM + t, signal, first)
-            _put(work, rows + SIGNAL + SLOPE * ROOM + t, signal * log_frequency, first)
-            _put(work, rows + SIGNAL + LOG_OMEGA * ROOM + t, x * 2.0 * r * r - y * damper, first)
-            _put(work, rows + SIGNAL + LOG_ZETA * ROOM + t, y * damper, first)
-            _put(work, rows + SIGNAL + KAPPA * ROOM + t, x * (1.0 - cosine) - y * sine, first)
-            _put(work, rows + SIGNAL + LOG_TAU * ROOM + t, by_tau * tau, first)
-            _put(work, rows + SIGNAL + LOG_SPREAD * ROOM + t, by_tau * off, first)
-            _put(work, rows + SIGNAL + MODULATION * ROOM + t, 0.0, first)
+    tau, off, share = _delay(theta, delays, delay)
+    real, imag = math.cos(omega * tau), -math.sin(omega * tau)
+    for t in range(ROOM):
+        turned = omega + t * bin_width
+        cosine, sine = _wave(real, imag, work, delay, t)
+        r = turned * inverse_w
+        damper = 2.0 * zeta * r
+        in_phase = 1.0 - r * r + kappa * (1.0 - cosine)
+        quadrature = damper - kappa * sine
+        compliance = 1.0 / (in_phase * in_phase + quadrature * quadrature)
+        log_frequency = work[rows + t]
+        signal = share * gain * _exponential(slope * log_frequency) * compliance
+        # d signal = -2 signal Re(dD / D)
+        x = -2.0 * signal * compliance * in_phase
+        y = -2.0 * signal * compliance * quadrature
+        by_tau = kappa * turned * (y * cosine - x * sine)
+        by_kappa = x * (1.0 - cosine) - y * sine
+        by_omega, by_zeta = x * 2.0 * r * r - y * damper, y * damper
+        _put(
+            work, rows + SIGNAL + t, delay == 0,
+            signal, signal * log_frequency, by_omega, by_zeta, by_kappa, by_tau * tau, by_tau * off, 0.0,
+        )  # fmt: skip
 
 
 @njit(inline="always", **SUMS)
-def _respond_to_teeth(theta, omega, bin_width, delays, work, rows):
-    """Do what `respond` does for teeth that modulate."""
+def _respond_to_teeth(theta, omega, bin_width, delays, delay, work, rows):
+    """Do what `respond` does for one of the delays, and teeth that modulate."""
     gain, slope = math.exp(theta[LOG_GAIN]), theta[SLOPE]
     inverse_w = math.exp(-theta[LOG_OMEGA])
     zeta, kappa = math.exp(theta[LOG_ZETA]), theta[KAPPA]
@@ -130,64 +126,65 @@ def _respond_to_teeth(theta, omega, bin_width, delays, work, rows):
     one, two = 2.0 * half * power, half * half * power
     one_by_half, two_by_half = 2.0 * (1.0 - 2.0 * half * half) * power * power, 2.0 * half * power * power
     tooth = 2.0 * math.pi * math.exp(-theta[LOG_TAU]) * inverse_w
-    for delay in range(delays):
-        tau, off, share = _delay(theta, delays, delay)
-        turns, first = delay * TURNS, delay == 0
-        real, imag = math.cos(omega * tau), -math.sin(omega * tau)
-        for t in range(ROOM):
-            turned = omega + t * bin_width
-            cosine = real * work[turns + TURN_REAL + t] - imag * work[turns + TURN_IMAG + t]
-            sine = real * work[turns + TURN_IMAG + t] + imag * work[turns + TURN_REAL + t]
-            r = turned * inverse_w
-            below, above = r - tooth, r + tooth
-            delayed_x, delayed_y = kappa * (1.0 - cosine), -kappa * sine
-            # dynamic stiffness a tooth frequency below, here, above; what couples them
-            here_x, here_y = 1.0 - r * r + delayed_x, 2.0 * zeta * r + delayed_y
-            low_x, low_y = _reciprocal(1.0 - below * below + delayed_x, 2.0 * zeta * below + delayed_y)
-            high_x, high_y = _reciprocal(1.0 - above * above + delayed_x, 2.0 * zeta * above + delayed_y)
-            q_x, q_y = half * delayed_x, half * delayed_y
-            u_x, u_y = _negative_product(q_x, q_y, low_x, low_y)
-            v_x, v_y = _negative_product(q_x, q_y, high_x, high_y)
-            # D = here - q^2 (1 / low + 1 / high) = here + q (u + v)
-            into_x, into_y = _product(q_x, q_y, u_x + v_x, u_y + v_y)
-            inverse_x, inverse_y = _reciprocal(here_x + into_x, here_y + into_y)
-            shared = u_x * v_x + u_y * v_y
-            noise = 1.0 + u_x * u_x + u_y * u_y + v_x * v_x + v_y * v_y + 2.0 * (one * (u_x + v_x) + two * shared)
-            log_frequency = work[rows + t]
-            signal = (
-                share * gain * _exponential(slope * log_frequency) * noise
-                * (inverse_x * inverse_x + inverse_y * inverse_y)
-            )  # fmt: skip
-            # d signal / signal = Re(by_here d here + by_u du + by_v dv + ...), D changing with u and v by q
-            by_here_x, by_here_y = -2.0 * inverse_x, -2.0 * inverse_y
-            both_x, both_y = _product(by_here_x, by_here_y, q_x, q_y)
-            twice = 2.0 / noise
-            by_u_x, by_u_y = both_x + twice * (u_x + one + two * v_x), both_y - twice * (u_y + two * v_y)
-            by_v_x, by_v_y = both_x + twice * (v_x + one + two * u_x), both_y - twice * (v_y + two * u_y)
-            # u = -q low: du = -low dq - u low d(1 / low)
-            less_x, less_y = _product(low_x, low_y, by_u_x, by_u_y)
-            more_x, more_y = _product(high_x, high_y, by_v_x, by_v_y)
-            by_low_x, by_low_y = _negative_product(u_x, u_y, less_x, less_y)
-            by_high_x, by_high_y = _negative_product(v_x, v_y, more_x, more_y)
-            own_x, own_y = _product(by_here_x, by_here_y, u_x + v_x, u_y + v_y)
-            by_q_x, by_q_y = own_x - less_x - more_x, own_y - less_y - more_y
-            delayed_by_x = by_low_x + by_here_x + by_high_x + half * by_q_x
-            delayed_by_y = by_low_y + by_here_y + by_high_y + half * by_q_y
-            damped = -2.0 * zeta * (by_low_y * below + by_here_y * r + by_high_y * above)
-            inert = 2.0 * (by_low_x * below * below + by_here_x * r * r + by_high_x * above * above)
-            by_kappa = delayed_by_x * (1.0 - cosine) + delayed_by_y * sine
-            by_tau = -kappa * turned * (delayed_by_x * sine + delayed_by_y * cosine)
-            nearer = 2.0 * tooth * (by_high_x * above - by_low_x * below + zeta * (by_high_y - by_low_y))
-            by_half = delayed_x * by_q_x - delayed_y * by_q_y
-            by_half += twice * (one_by_half * (u_x + v_x) + two_by_half * shared)
-            _put(work, rows + SIGNAL + LOG_GAIN * ROOM + t, signal, first)
-            _put(work, rows + SIGNAL + SLOPE * ROOM + t, signal * log_frequency, first)
-            _put(work, rows + SIGNAL + LOG_OMEGA * ROOM + t, signal * (inert - damped), first)
-            _put(work, rows + SIGNAL + LOG_ZETA * ROOM + t, signal * damped, first)
-            _put(work, rows + SIGNAL + KAPPA * ROOM + t, signal * by_kappa, first)
-            _put(work, rows + SIGNAL + LOG_TAU * ROOM + t, signal * (by_tau * tau + nearer), first)
-            _put(work, rows + SIGNAL + LOG_SPREAD * ROOM + t, signal * by_tau * off, first)
-            _put(work, rows + SIGNAL + MODULATION * ROOM + t, signal * 0.5 * by_half, first)
+    tau, off, share = _delay(theta, delays, delay)
+    real, imag = math.cos(omega * tau), -math.sin(omega * tau)
+    for t in range(ROOM):
+        turned = omega + t * bin_width
+        cosine, sine = _wave(real, imag, work, delay, t)
+        r = turned * inverse_w
+        below, above = r - tooth, r + tooth
+        delayed_x, delayed_y = kappa * (1.0 - cosine), -kappa * sine
+        # dynamic stiffness a tooth frequency below, here, above; what couples them
+        here_x, here_y = 1.0 - r * r + delayed_x, 2.0 * zeta * r + delayed_y
+        low_x, low_y = _reciprocal(1.0 - below * below + delayed_x, 2.0 * zeta * below + delayed_y)
+        high_x, high_y = _reciprocal(1.0 - above * above + delayed_x, 2.0 * zeta * above + delayed_y)
+        q_x, q_y = half * delayed_x, half * delayed_y
+        u_x, u_y = _negative_product(q_x, q_y, low_x, low_y)
+        v_x, v_y = _negative_product(q_x, q_y, high_x, high_y)
+        # D = here - q^2 (1 / low + 1 / high) = here + q (u + v)
+        into_x, into_y = _product(q_x, q_y, u_x + v_x, u_y + v_y)
+        inverse_x, inverse_y = _reciprocal(here_x + into_x, here_y + into_y)
+        shared = u_x * v_x + u_y * v_y
+        noise = 1.0 + u_x * u_x + u_y * u_y + v_x * v_x + v_y * v_y + 2.0 * (one * (u_x + v_x) + two * shared)
+        log_frequency = work[rows + t]
+        signal = (
+            share * gain * _exponential(slope * log_frequency) * noise
+            * (inverse_x * inverse_x + inverse_y * inverse_y)
+        )  # fmt: skip
+        # d signal / signal = Re(by_here d here + by_u du + by_v dv + ...), D changing with u and v by q
+        by_here_x, by_here_y = -2.0 * inverse_x, -2.0 * inverse_y
+        both_x, both_y = _product(by_here_x, by_here_y, q_x, q_y)
+        twice = 2.0 / noise
+        by_u_x, by_u_y = both_x + twice * (u_x + one + two * v_x), both_y - twice * (u_y + two * v_y)
+        by_v_x, by_v_y = both_x + twice * (v_x + one + two * u_x), both_y - twice * (v_y + two * u_y)
+        # u = -q low: du = -low dq - u low d(1 / low)
+        less_x, less_y = _product(low_x, low_y, by_u_x, by_u_y)
+        more_x, more_y = _product(high_x, high_y, by_v_x, by_v_y)
+        by_low_x, by_low_y = _negative_product(u_x, u_y, less_x, less_y)
+        by_high_x, by_high_y = _negative_product(v_x, v_y, more_x, more_y)
+        own_x, own_y = _product(by_here_x, by_here_y, u_x + v_x, u_y + v_y)
+        by_q_x, by_q_y = own_x - less_x - more_x, own_y - less_y - more_y
+        delayed_by_x = by_low_x + by_here_x + by_high_x + half * by_q_x
+        delayed_by_y = by_low_y + by_here_y + by_high_y + half * by_q_y
+        damped = -2.0 * zeta * (by_low_y * below + by_here_y * r + by_high_y * above)
+        inert = 2.0 * (by_low_x * below * below + by_here_x * r * r + by_high_x * above * above)
+        by_kappa = delayed_by_x * (1.0 - cosine) + delayed_by_y * sine
+        by_tau = -kappa * turned * (delayed_by_x * sine + delayed_by_y * cosine)
+        nearer = 2.0 * tooth * (by_high_x * above - by_low_x * below + zeta * (by_high_y - by_low_y))
+        by_half = delayed_x * by_q_x - delayed_y * by_q_y
+        by_half += twice * (one_by_half * (u_x + v_x) + two_by_half * shared)
+        _put(
+            work, rows + SIGNAL + t, delay == 0,
+            signal, signal * log_frequency, signal * (inert - damped), signal * damped, signal * by_kappa,
+            signal * (by_tau * tau + nearer), signal * by_tau * off, signal * 0.5 * by_half,
+        )  # fmt: skip
+
+
+@njit(inline="always", **SUMS)
+def _wave(real, imag, work, delay, t):
+    """exp(-i omega tau) of a delay at a place, by what it is at the first."""
+    turned_real, turned_imag = work[delay * TURNS + TURN_REAL + t], work[delay * TURNS + TURN_IMAG + t]
+    return _product(real, imag, turned_real, turned_imag)
 
 
 @njit(inline="always", **SUMS)
@@ -220,6 +217,19 @@ def _delay(theta, delays, delay):
 
 
 @njit(inline="always", **SUMS)
-def _put(work, place, value, first):
+def _put(work, place, first, signal, by_slope, by_omega, by_zeta, by_kappa, by_tau, by_spread, by_modulation):
+    """Put what the first delay gives in its rows, or add what another one does."""
+    _put_one(work, place + LOG_GAIN * ROOM, first, signal)  # its own derivative by the logarithm of the gain
+    _put_one(work, place + SLOPE * ROOM, first, by_slope)
+    _put_one(work, place + LOG_OMEGA * ROOM, first, by_omega)
+    _put_one(work, place + LOG_ZETA * ROOM, first, by_zeta)
+    _put_one(work, place + KAPPA * ROOM, first, by_kappa)
+    _put_one(work, place + LOG_TAU * ROOM, first, by_tau)
+    _put_one(work, place + LOG_SPREAD * ROOM, first, by_spread)
+    _put_one(work, place + MODULATION * ROOM, first, by_modulation)
+
+
+@njit(inline="always", **SUMS)
+def _put_one(work, place, first, value):
     """Put the first value in a place, or add another."""
     work[place] = value if first else work[place] + value

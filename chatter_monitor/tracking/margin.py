@@ -25,6 +25,7 @@ _LEFT_OUT = 0.08
 _VISIBLE = 2.0
 _PHYSICAL = [LOG_OMEGA, LOG_ZETA, KAPPA, LOG_TAU]
 _PAIRS = np.ix_(_PHYSICAL, _PHYSICAL)
+_OF_KAPPA = 2 * (_PHYSICAL.index(KAPPA),)  # its variance among theirs
 UNLIKE = "the spectrum is not that of one mode with regeneration"
 
 
@@ -78,7 +79,7 @@ def margin_of(found: Fit, lack_of_fit: float) -> Margin:
     if not np.isfinite(covariance).all():
         return Margin(reason=UNLIKE)
     omega, zeta, kappa, tau = _natural(physical)
-    covariance[2, 2] += (_LEFT_OUT * kappa) ** 2
+    covariance[_OF_KAPPA] += (_LEFT_OUT * kappa) ** 2
     root = rightmost_root(omega, zeta, kappa, tau)
     gradients = np.empty((2, len(physical)))
     sensitivity(physical, root, 1e-5, gradients)
@@ -87,7 +88,7 @@ def margin_of(found: Fit, lack_of_fit: float) -> Margin:
     if not math.isfinite(ratio_sd + damping_sd):
         return Margin(reason=UNLIKE)
     low, high = ratio - _CONFIDENCE_95 * ratio_sd, ratio + _CONFIDENCE_95 * ratio_sd
-    kappa_sd = math.sqrt(covariance[2, 2])
+    kappa_sd = math.sqrt(covariance[_OF_KAPPA])
     margin = Margin(
         frequency_hz=omega / (2.0 * math.pi),
         damping_ratio=zeta,
