@@ -177,6 +177,9 @@ def test_what_is_beyond_the_limit_is_mirrored():
         theta[KAPPA] = share * critical
         stabilise(theta)
         assert theta[KAPPA] == pytest.approx(expected * critical)
+    theta = -THETA[MODULATION] * np.eye(PARAMETERS)[MODULATION]
+    stabilise(theta)
+    assert theta[MODULATION] == THETA[MODULATION]
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -7,11 +7,13 @@ import pytest
 
 from benchmarks.margin import RATE_HZ, Cut, draw, measure, simulate
 from chatter_monitor.errors import InputError
+from chatter_monitor.kernels.regenerative_spectrum import KAPPA, LOG_OMEGA, LOG_TAU, LOG_ZETA, PARAMETERS
 from chatter_monitor.physics.lobes import stability_limit
 from chatter_monitor.physics.parts import Mode, Spindle
 from chatter_monitor.physics.stability import rightmost_root
+from chatter_monitor.tracking.margin import margin_of
 from chatter_monitor.tracking.margin_tracker import MarginSettings, MarginTracker
-from chatter_monitor.tracking.regeneration import covariance_of
+from chatter_monitor.tracking.regeneration import Fit, covariance_of
 from tests.signals import vibration
 
 # the milling case of the documents: 990 Hz, 3 %, 27 ms between two teeth
@@ -54,6 +56,15 @@ def test_teeth_that_enter_and_leave_are_not_taken_for_more_regeneration(share):
     steady, margin = margins(simulate(cut))[-1], margins(simulate(replace(cut, tooth_modulation=0.8)))[-1]
     assert margin.ratio == pytest.approx(steady.ratio, rel=0.1)
     assert margin.ratio_ci95[0] < share < margin.ratio_ci95[1]
+
+
+def test_what_the_model_leaves_out_is_part_of_the_interval():
+    """A fit that is sure of all its parameters leaves 8 % of kappa, which no spectrum can take away."""
+    theta = np.zeros(PARAMETERS)
+    theta[[LOG_OMEGA, LOG_ZETA, KAPPA, LOG_TAU]] = np.log(6220.0), np.log(0.03), 0.02, np.log(0.027)
+    margin = margin_of(Fit(theta, 1e12 * np.eye(PARAMETERS), 0.0), 1.0)
+    assert margin.kappa_sd == pytest.approx(0.08 * 0.02, rel=1e-3)
+    assert (margin.ratio_ci95[1] / margin.ratio - 1.0) == pytest.approx(1.96 * 0.08, rel=0.02)
 
 
 def test_too_many_waves_between_two_teeth(half):
