@@ -8,7 +8,8 @@ or not at all.
 
 The limit is where the linear cut begins to grow, by bisection. Depths are 0.3 to 0.75 of it, and 1.15 to 2.2 times.
 But teeth that leave the chip may stop what would grow. Whether a cut chatters, and from when on, is told by its twin,
-the same cut with next to no noise: that repeats from rotation to rotation unless it chatters.
+the same cut with next to no noise: that repeats from rotation to rotation unless it chatters. What is beyond the limit
+and does not chatter yet, or hardly, is neither stable nor missed; alarms in it are counted apart.
 
 Run: python -m benchmarks.verdict.milling [--cuts 40] [--first 200] [--at-once]
 """
@@ -102,6 +103,13 @@ class Mill:
         """Steps of the simulation from tooth to tooth."""
         fastest = max(LEAST_RATE_HZ, STEPS_A_PERIOD * float(self.omega.max()) / (2.0 * math.pi))
         return math.ceil(fastest / (self.rotation_hz * self.teeth))
+
+    @property
+    def beyond_s(self) -> float:
+        """When the depth passes the limit; never where it does not."""
+        if not self.chatters:
+            return math.inf
+        return DEEPER + (RAMP_S * (1.0 - self.under) / (self.over - self.under) if self.ramp else 0.0)
 
     @property
     def step_s(self) -> float:
@@ -269,7 +277,9 @@ class Score:
     lags_s : list of float
         From the onset of chatter to the end of the first alarm, infinite without one.
     stable, false : int
-        Stretches of cutting in which nothing chatters yet, and those of them with an alarm.
+        Stretches of cutting within the limit, and those of them with an alarm.
+    beyond, early : int
+        Stretches beyond it in which nothing chatters yet, and those of them with an alarm.
     """
 
     chatter: int = 0
@@ -277,6 +287,8 @@ class Score:
     lags_s: list[float] = field(default_factory=list)
     stable: int = 0
     false: int = 0
+    beyond: int = 0
+    early: int = 0
 
     def add(self, alarm: Bools, chatters: Bools, mill: Mill) -> None:
         """Add a recording."""
@@ -291,10 +303,16 @@ class Score:
             self.told += int((scored & alarm[onset + FROM_ONSET : end]).sum())
             alarms = np.flatnonzero(alarm[onset:end])
             self.lags_s.append(INTERVAL_S * (int(alarms[0]) + 1) if alarms.size else math.inf)
-        for begins, ends in ((round(ENTERS / INTERVAL_S), begin), (begin, onset)):
-            if not at_once and ends > begins:
+        if at_once:
+            return
+        limit = min(end, onset, round(min(mill.beyond_s, ENDS) / INTERVAL_S))
+        for begins, ends in ((round(ENTERS / INTERVAL_S), begin), (begin, limit)):
+            if ends > begins:
                 self.stable += 1
                 self.false += bool(alarm[begins:ends].any())
+        if onset > limit:
+            self.beyond += 1
+            self.early += bool(alarm[limit:onset].any())
 
 
 def passages(mill: Mill, samples: Signal) -> Iterator[Passage]:
@@ -321,13 +339,14 @@ def main() -> None:
         for known, score in scores.items():
             states = [state for remarks in watch(passages(mill, samples), announce=known) for state in remarks.states]
             score.add(np.array(states) == "self_excited", chatters, mill)
-    print("speed    chattering  told   never of   median lag  stable stretches  with an alarm")
+    print("speed    chattering  told   never of   median lag  within the limit  alarms  beyond, not yet  alarms")
     for known, score in scores.items():
         never, lag = sum(map(math.isinf, score.lags_s)), np.median(score.lags_s or [math.nan])
         told = score.told / score.chatter if score.chatter else math.nan
         print(
             f"{'told' if known else 'unknown':8}{INTERVAL_S * score.chatter:9.1f} s {told:6.1%}"
-            f" {never:5d} {len(score.lags_s):3d} {lag:9.2f} s {score.stable:14d} {score.false:16d}"
+            f" {never:5d} {len(score.lags_s):3d} {lag:9.2f} s {score.stable:14d} {score.false:10d}"
+            f" {score.beyond:12d} {score.early:10d}"
         )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.polynomial import cubic
 
 TILE = 64  # samples
 MOST_ORDERS = 256
@@ -118,9 +119,8 @@ def new_state(orders: int, speed: float, speed_sd: float, drift: tuple[float, fl
 
 @njit(**OPTIONS)
 def _between(table, index, x):
-    """Cubic through the four points around (Lagrange), a fraction x of the way from one to the next."""
-    a, b, c, d = table[index], table[index + 1], table[index + 2], table[index + 3]
-    return b + x * (c - a / 3.0 - b / 2.0 - d / 6.0 + x * ((a + c) / 2.0 - b + x * ((b - c) / 2.0 + (d - a) / 6.0)))
+    """Cubic through the four points around, a fraction x of the way from one to the next."""
+    return cubic(table[index], table[index + 1], table[index + 2], table[index + 3], x)
 
 
 @njit(**OPTIONS)

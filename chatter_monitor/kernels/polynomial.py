@@ -1,14 +1,20 @@
-"""Roots of small real polynomials z^n + a[0] z^(n-1) + ... + a[n-1], and whether they are inside a circle."""
+"""Roots of small real polynomials z^n + a[0] z^(n-1) + ... + a[n-1], whether they are inside a circle; and a cubic."""
 
 import math
 
 from numba import njit
 
 from chatter_monitor.kernels.lanes import fma, spread
-from chatter_monitor.kernels.options import EXACT, OPTIONS
+from chatter_monitor.kernels.options import EXACT, OPTIONS, WITHIN
 
 ABERTH_STEPS = 200
 ABERTH_CONVERGED = 1e-14
+
+
+@njit(**WITHIN)
+def cubic(a, b, c, d, x):
+    """Cubic through four values one apart (Lagrange), a fraction x of the way from the second to the third."""
+    return b + x * (c - a / 3.0 - b / 2.0 - d / 6.0 + x * ((a + c) / 2.0 - b + x * ((b - c) / 2.0 + (d - a) / 6.0)))
 
 
 @njit(forceinline=True, **EXACT)

@@ -43,6 +43,9 @@ ENOUGH_TOLD = math.log(20.0)
 FIRST_MULTIPLES = 4
 # The mains hum at multiples of their frequency, or of twice that, which they keep to so much.
 MAINS_HZ, MAINS_KEEP = (50.0, 60.0), 0.005
+# Rotations after which chatter that has locked to the teeth comes back at most, and how exactly: no speed is quite
+# constant.
+LOCKED_FOR, LOCKED_WITHIN = 8, 0.003
 # Logarithms of the factorials of numbers up to that of the lines.
 LOG_FACTORIAL = gammaln(np.arange(max(STRONGEST, MANY) + 1) + 1)
 
@@ -256,6 +259,22 @@ def speaks_for(comb: Comb, rival: Comb | None, lines: Lines, told: Target) -> bo
         return comb.evidence > ENOUGH
     beside = find_comb(lines.without(lines.on(rival.fundamental_hz)), told)
     return beside is not None and beside.evidence > ENOUGH
+
+
+def is_locked(fundamental_hz: float, rotation_hz: float) -> bool:
+    """Whether a comb comes back after a few rotations, and not after one: chatter that has locked to the teeth does.
+
+    What forces a cut is the same in every rotation, but for a gear or a belt of so simple a ratio. What regenerates may
+    settle to a motion of two or more of them (Honeycutt and Schmitz, A study of milling bifurcations, 2016).
+    """
+    if is_mains(fundamental_hz):
+        return False
+    for rotations in range(2, LOCKED_FOR + 1):
+        turns = rotations * fundamental_hz / rotation_hz
+        nearest = round(turns)
+        if nearest and nearest % rotations and abs(turns / nearest - 1.0) <= LOCKED_WITHIN:
+            return True
+    return False
 
 
 def is_mains(fundamental_hz: float) -> bool:

@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 
 from chatter_monitor.kernels.conditioning import copy_present
 from chatter_monitor.kernels.heard import WANDER
-from chatter_monitor.tracking.comb import Comb, Lines, Spectrum, Target, find_comb, is_mains, speaks_against, speaks_for
+from chatter_monitor.tracking.comb import (
+    Comb,
+    Lines,
+    Spectrum,
+    Target,
+    find_comb,
+    is_locked,
+    is_mains,
+    speaks_against,
+    speaks_for,
+)
 from chatter_monitor.tracking.harmonics import Harmonics
 from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands
 from chatter_monitor.tracking.turns import TURNS, Piecemeal, in_turn
@@ -113,6 +123,7 @@ class CombFollower:
         taken_hz: float | None = None,
         sidebands: Sidebands | None = None,
         *,
+        rotation_hz: float | None = None,
         mains_only: bool = False,
     ) -> bool:
         """Learn from a full frame of samples, and look for a comb when it is time.
@@ -126,6 +137,8 @@ class CombFollower:
         sidebands : Sidebands, optional
             Of a vibration in it that is no comb's, whose sidebands tell it: that of a known speed apart, a comb that
             has it among its lines is given up.
+        rotation_hz : float, optional
+            Of a spindle of told speed that has been heard; a comb that has locked to it counts neither for nor against.
         mains_only : bool
             Whether no comb counts now but that of the mains.
 
@@ -145,10 +158,10 @@ class CombFollower:
         self._rest -= 1
         looks = self.harmonics is None or self.doubts  # what was told may be heard again beside what is followed
         if looks and self._rest <= 0 and self._search is None:
-            self._search = self._begin(taken_hz, mains_only=mains_only)
+            self._search = self._begin(taken_hz, rotation_hz, mains_only=mains_only)
         return self._search is not None and self._go_on(self._search)
 
-    def _begin(self, taken_hz: float | None, *, mains_only: bool) -> Search | None:
+    def _begin(self, taken_hz: float | None, rotation_hz: float | None, *, mains_only: bool) -> Search | None:
         """Begin a search, if enough has been heard."""
         # A range that is narrow needs less to be sure. A speed that wanders blurs a line the more the longer one looks,
         # and is steady enough at one time or another.
@@ -157,7 +170,7 @@ class CombFollower:
         if not lengths:
             return None
         self._rest = 0 if self._known and self.harmonics is None else self._window // 2
-        return self._look(lengths, taken_hz, mains_only=mains_only)
+        return self._look(lengths, taken_hz, rotation_hz, mains_only=mains_only)
 
     def _go_on(self, search: Search) -> bool:
         """Do a frame's part of a search; tell whether it has found a comb."""
@@ -215,11 +228,13 @@ class CombFollower:
     def _latest(self, frames: int) -> NDArray[np.float64]:
         return self._past[np.arange(self.frames - frames + 1, self.frames + 1) % len(self._past)]
 
-    def _look(self, lengths: list[int], taken_hz: float | None, *, mains_only: bool) -> Search:
+    def _look(
+        self, lengths: list[int], taken_hz: float | None, rotation_hz: float | None, *, mains_only: bool
+    ) -> Search:
         """Look for a comb in so many of the last frames, and follow it from there to now."""
         for frames in lengths:
             begun = self.frames
-            search = partial(self._candidate, frames, begun, taken_hz)
+            search = partial(self._candidate, frames, begun, taken_hz, rotation_hz)
             found = (yield from in_turn(self._turn, search)) if self._known else search()
             if found is not None and (is_mains(found.comb.fundamental_hz) or not mains_only):
                 harmonics = yield from self._follow(found, frames, self.frames - begun)
@@ -232,16 +247,16 @@ class CombFollower:
         """Whether it is after the comb of a known speed. Any other is worth a long frame: waiting costs alarms."""
         return _is_told(self._target)
 
-    def _candidate(self, frames: int, last: int, taken_hz: float | None) -> Candidate | None:
+    def _candidate(self, frames: int, last: int, taken_hz: float | None, rotation_hz: float | None) -> Candidate | None:
         """The comb of so many frames, if there is one."""
         lines = self._lines(frames, last)
         if taken_hz is not None:
             lines = lines.without(lines.on(taken_hz))
         if not self._known:
-            comb = self._any_comb(lines, last, self._target)
+            comb = self._any_comb(lines, last, self._target, rotation_hz)
             return None if comb is None else Candidate(comb, self._target)
         comb = find_comb(lines, self._target)
-        rival = self._any_comb(lines, last, self._anything)
+        rival = self._any_comb(lines, last, self._anything, rotation_hz)
         if rival is not None and speaks_against(rival, comb, lines, self._target):
             # half a window is enough to doubt what was told, but not to believe anything else
             new = frames == self._window and self.harmonics is None
@@ -250,9 +265,12 @@ class CombFollower:
             return None
         return Candidate(comb, self._target)
 
-    def _any_comb(self, lines: Lines, last: int, target: Target) -> Comb | None:
-        """A comb among lines that is not that of a vibration with sidebands."""
+    def _any_comb(self, lines: Lines, last: int, target: Target, rotation_hz: float | None) -> Comb | None:
+        """A comb among lines that is not that of a vibration with sidebands, or one that has locked to the spindle."""
         comb = find_comb(lines, target)
+        if comb is not None and rotation_hz is not None and is_locked(comb.fundamental_hz, rotation_hz):
+            lines = lines.without(lines.on(comb.fundamental_hz))
+            comb = find_comb(lines, target)
         if comb is None or not self.has_heard_enough:
             return comb
         sidebands = find_sidebands(self.faint_lines(last), target.low_hz)

@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels.binding import bound
+from chatter_monitor.kernels.recurrence import new_past, recurring_share
 from chatter_monitor.kernels.repeats import new_repeats
 from chatter_monitor.kernels.rotations import another_frame, new_rotations
 from chatter_monitor.kernels.taken import share_taken
-from chatter_monitor.tracking.comb import Target
+from chatter_monitor.tracking.comb import Target, is_locked, is_mains
 from chatter_monitor.tracking.follower import CombFollower
 from chatter_monitor.tracking.harmonics import Harmonics
 from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands
@@ -107,6 +108,9 @@ class Orders(NamedTuple):
         Whether a comb is not taken out any more that was in the frame before: its lines are in the signal again.
     repeating_share : float
         Share of the power that repeats what was 50 to 100 ms before, combs taken out or not (`kernels.repeats`).
+    recurring_share : float or None
+        Share of the power that comes back after whole rotations of a spindle that has been heard, at a told speed or,
+        where none is told, at that of a comb that was found (`kernels.recurrence`).
     fainter : bool
         Whether what is left has just got fainter, and the tool has not left: most of the signal goes on repeating,
         or is in a comb that has been taken out for no longer than its memory.
@@ -136,6 +140,7 @@ class Orders(NamedTuple):
     growth: float = 0.0
     sidebands: Sidebands | None = None
     doubted: bool = False
+    recurring_share: float | None = None
 
     @property
     def spindle(self) -> tuple[float | None, float | None]:
@@ -197,6 +202,10 @@ class OrderTracker:
         self._heard_before = new_repeats(size), new_rotations()
         self._listen = bound(another_frame, self._signals[0], *self._heard_before)
         self._repeating = 0.0, False, 0.0  # share, fainter, growth
+        self._past = new_past(size)
+        self._compare = bound(recurring_share, self._signals[0], self._past, 0.0)
+        self._recurring: float | None = None
+        self._comb_hz: float | None = None  # where no speed is told, of the comb with most power, the mains apart
         self._filled = 0
         self._undigested = False  # whether the signals are those of a whole frame that has ended
         self._next_sample = 0
@@ -213,7 +222,7 @@ class OrderTracker:
         """Go by another speed or number of teeth."""
         self.digest()
         self._spindle = spindle
-        self._heard = None
+        self._heard = self._comb_hz = None
         self._search, self._rest = None, 0
         self._followers[0].aim(self._target())
 
@@ -246,14 +255,15 @@ class OrderTracker:
             return
         self._undigested = False
         first, second = self._followers
-        found = first.end_frame(self._signals[0], sidebands=self._sidebands)
+        rotation_hz = self._rotation_hz
+        found = first.end_frame(self._signals[0], sidebands=self._sidebands, rotation_hz=rotation_hz)
         # With a comb that the first one takes from now on, the past is no guide to what is left; and where the spindle
         # itself is not heard, lines that are evenly spaced are more likely a self-excited vibration's, or the mains'.
         unheard = first.harmonics is None
         if found or (unheard and self._spindle.speed_rpm is None):
             second.forget()
         taken_hz = None if first.harmonics is None else first.harmonics.rotation_hz
-        second.end_frame(self._signals[1], taken_hz, self._sidebands, mains_only=unheard)
+        second.end_frame(self._signals[1], taken_hz, self._sidebands, rotation_hz=rotation_hz, mains_only=unheard)
         self._look_for_sidebands()
 
     def _look_for_sidebands(self) -> None:
@@ -286,6 +296,17 @@ class OrderTracker:
     def _believed(self) -> bool:
         """Whether a speed was told that nothing speaks against."""
         return self._spindle.speed_rpm is not None and not self._followers[0].doubts
+
+    @property
+    def _rotation_hz(self) -> float | None:
+        """Rotation of a spindle of told speed that has been heard and is remembered."""
+        hertz, _, source = self._from_memory(self._next_sample)
+        return hertz if source == "refined" else None
+
+    def _may_be_the_spindle(self, comb_hz: float) -> bool:
+        """Whether a comb, while no speed is told, may be that of what forces the cut."""
+        locked = self._comb_hz is not None and is_locked(comb_hz, self._comb_hz)
+        return not (locked or is_mains(comb_hz))
 
     def _find_sidebands(self, last: int) -> Sidebands | None:
         told = self._target() if self._believed else None
@@ -328,6 +349,10 @@ class OrderTracker:
         first_sample = self._next_sample - self._filled
         if self._filled == self._signals.shape[1]:  # a last, shorter frame tells nothing new
             self._repeating = self._listen(self._signals[0], *self._heard_before)
+            period_hz = self._rotation_hz if self._believed else self._comb_hz
+            rotation = 0.0 if period_hz is None else self._rate_hz / period_hz
+            recurring = self._compare(self._signals[0], self._past, rotation)
+            self._recurring = None if math.isnan(recurring) else recurring
         share, power = share_taken(self._signals[0, : self._filled], self._signals[-1, : self._filled])
         combs_before, taken_before = self._taken
         self._taken = sum(follower.harmonics is not None for follower in self._followers), share * power
@@ -345,6 +370,8 @@ class OrderTracker:
             sd_hz: float | None = spindle.rotation_sd_hz
             if self._believed:
                 self._heard = (spindle.rotation_hz, spindle.rotation_sd_hz, first_sample)
+            elif self._may_be_the_spindle(spindle.rotation_hz):
+                self._comb_hz = spindle.rotation_hz
         else:
             hertz, sd_hz, source = self._from_memory(first_sample)
         repeating, fainter, growth = self._repeating
@@ -357,6 +384,7 @@ class OrderTracker:
             growth=growth,
             sidebands=self._sidebands,
             doubted=self._followers[0].doubts,
+            recurring_share=self._recurring,
         )
 
     def _from_memory(self, sample: int) -> tuple[float | None, float | None, Source | None]:

@@ -70,6 +70,7 @@ class Judge:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif (quiet := _quiet(evidence, memory, settings)) is not None:
             self._rest(evidence)
+            self._irregularity.idle(evidence.rms**2, evidence.orders.recurring_share)
             memory = memory._replace(told=Told())
             view = Opinion("idle", 0.95, (quiet,))
         elif evidence.starting:
@@ -126,7 +127,9 @@ class Judge:
         powers = evidence.power, evidence.turning
         odds = 0.0 if suspect is None else suspect.self_excited / max(1.0 - suspect.self_excited, 1e-6)
         undisturbed = memory.calm and not alarm
-        times = self._irregularity.hear(evidence.rms**2, evidence.orders.repeating_share, calm=undisturbed)
+        orders = evidence.orders
+        alike = orders.recurring_share, orders.repeating_share
+        times = self._irregularity.hear(evidence.rms**2, *alike, calm=undisturbed)
         irregular = times > 0.0
         loud = self._loudness.hear(*powers, alarm=alarm or irregular, odds=odds, calm=calm and not irregular)
         if irregular and not alarm:

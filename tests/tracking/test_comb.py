@@ -13,6 +13,7 @@ from chatter_monitor.tracking.comb import (
     Spectrum,
     Target,
     find_comb,
+    is_locked,
     speaks_against,
     speaks_for,
 )
@@ -161,3 +162,25 @@ def test_what_speaks_for_a_speed_that_was_doubted():
     assert not speaks_for(many, other, alone, told)
     assert speaks_for(many, other, lines(31.0 * np.arange(1, 7), 46.0 * np.arange(1, 7)), told)
     assert speaks_for(many, Comb(92.0, 0.01, 25.0), alone, told)  # its teeth
+
+
+@pytest.mark.parametrize(
+    ("rotations", "locked"),
+    [
+        (1 / 2, True),  # every other rotation alike: a flip
+        (4 / 3, True),  # a third of four teeth
+        (1 / 8, True),
+        (5 / 2 * 1.002, True),  # the speed has moved a little
+        (1 / 2 * 1.006, False),
+        (1.0, False),
+        (4.0, False),  # teeth
+        (1 / 9, False),
+    ],
+)
+def test_what_comes_back_after_some_rotations_only_has_locked(rotations, locked):
+    assert is_locked(31.7 * rotations, 31.7) is locked
+
+
+def test_the_mains_lock_to_nothing():
+    assert not is_locked(50.0, 100.0)
+    assert is_locked(52.0, 104.0)

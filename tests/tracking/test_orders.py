@@ -314,3 +314,43 @@ def test_any_blocks_give_the_same_bits(sizes):
     assert np.concatenate([residual for residual, _ in pieces]).tobytes() == whole.tobytes()
     assert [frame for _, ended in pieces for frame in ended] + tracker.finish() == frames
     assert frames[-1].source == "refined"
+
+
+LOCKED = {14: 0.5, 16: 0.6, 17: 1.0, 19: 0.8, 20: 0.5, 22: 0.3}  # of a third of the teeth's passing
+
+
+@pytest.mark.parametrize(("spindle", "taken"), [(SpindleSettings(60 * TURNS_HZ, 4), False), (UNKNOWN, True)])
+def test_chatter_that_has_locked_to_the_teeth_stays_in_the_signal(spindle, taken):
+    """What comes back after three teeth is a comb, and steady; without a speed it may be that of the spindle."""
+    begins = 4.0
+    chatter = np.where(np.arange(at(9)) < at(begins), 0.0, comb(9, 4 * TURNS_HZ / 3, LOCKED))
+    residual, frames = take_out(comb(9, TURNS_HZ, MILLING) + chatter + noise(9), spindle)
+    left = power(residual, 8.0) / power(chatter, 8.0)
+    assert left < 0.1 if taken else left == pytest.approx(1.0, abs=0.1)
+    assert (frames[-1].other_hz is not None) is taken
+
+
+def test_chatter_that_has_locked_to_the_spindle_does_not_speak_against_its_speed():
+    """Every other rotation is alike, and the spindle was lost just before: that is no other speed."""
+    before = comb(4, TURNS_HZ, {1: 0.3, 2: 0.5, 3: 1.0, 5: 0.7, 8: 0.4})
+    flip = comb(6, TURNS_HZ / 2, dict.fromkeys(range(7, 25), 1.0))
+    samples = np.concatenate((before, np.zeros(at(2)), flip)) + noise(12)
+    _, frames = take_out(samples, SpindleSettings(60 * TURNS_HZ, 1))
+    assert not any(frame.doubted for frame in frames)
+    assert frames[-1].source == "refined"
+    assert frames[-1].rotation_hz == pytest.approx(TURNS_HZ, rel=1e-3)
+
+
+@pytest.mark.parametrize(("spindle", "known"), [(SpindleSettings(60 * TURNS_HZ, 4), 1.6), (UNKNOWN, 2.7)])
+def test_what_comes_back_is_told_once_a_rotation_is_known(spindle, known):
+    """And goes on being told by that rotation where another comb has locked to it."""
+    begins = 4.0
+    loud = np.where(np.arange(at(9)) < at(begins), 0.0, 2.0)
+    samples = comb(9, TURNS_HZ, MILLING) + loud * comb(9, 4 * TURNS_HZ / 3, LOCKED) + noise(9)
+    _, frames = take_out(samples, spindle)
+    shares = np.array([frame.recurring_share for frame in frames], float)
+    assert np.all(np.isnan(shares[: round(1.5 / 0.05)]))
+    assert np.all(shares[round(known / 0.05) : round(begins / 0.05)] > 0.95)
+    assert np.all(shares[round(begins / 0.05) + 2 : -1] < 0.7)
+    _, frames = take_out(comb(6, 50.0, MILLING) + noise(6))  # the mains minds no tool
+    assert {frame.recurring_share for frame in frames} == {None}

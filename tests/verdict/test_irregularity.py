@@ -1,16 +1,20 @@
-"""When a cut is in no order any more: louder, less alike and more restless than it was, all three."""
+"""When a cut is in no order any more: what comes back no more outgrows the load, or three things at once tell it."""
 
 from __future__ import annotations
 
 import pytest
 
 from chatter_monitor.verdict.irregularity import (
+    BEYOND_LOAD,
     LEAST_S,
+    LESS_ALIKE,
     LOUD,
+    LOUDER,
     MORE_RESTLESS,
     NOW_S,
+    OF_THE_CUT,
     REPEATED,
-    STILL_LOUD,
+    STILL,
     STILL_REPEATING,
     USUAL_S,
     Irregularity,
@@ -19,13 +23,14 @@ from chatter_monitor.verdict.irregularity import (
 INTERVAL_S = 0.05
 ENOUGH, LEAST, WINDOW = (round(s / INTERVAL_S) for s in (NOW_S, LEAST_S, USUAL_S))
 BURST = 4.0  # from interval to interval, up and down
+STILL_LOUD = STILL * LOUD
 
 
-def hear(irregularity, power, intervals, *, repeating=0.9, restless=1.0, calm=True):
+def hear(irregularity, power, intervals, *, recurring=None, repeating=0.9, restless=1.0, calm=True):
     """Intervals, by number, of an alarm: power swings by so many times about its mean (logarithm)."""
     swing = restless**0.5
     powers = [power * (swing if i % 2 else 1.0 / swing) for i in range(intervals)]
-    return [i for i, p in enumerate(powers) if irregularity.hear(p, repeating, calm=calm)]
+    return [i for i, p in enumerate(powers) if irregularity.hear(p, recurring, repeating, calm=calm)]
 
 
 def calm(*, repeating=0.9, restless=1.0, intervals=ENOUGH + LEAST):
@@ -90,8 +95,68 @@ def test_what_is_heard_in_another_alarm_is_not_usual():
 def test_it_tells_how_loud_it_is():
     irregularity = calm()
     hear(irregularity, 100.0, 20, repeating=0.3, restless=BURST)
-    assert irregularity.hear(50.0, 0.3, calm=False) == pytest.approx(100.0)  # half of them are double, half half
+    assert irregularity.hear(50.0, None, 0.3, calm=False) == pytest.approx(100.0)  # half of them are double, half half
 
 
 def test_silence_is_quiet():
     assert hear(calm(), 0.0, 40, repeating=0.0) == []
+
+
+def parts(back, rest):
+    """Power, and share of it that comes back."""
+    return {"power": back + rest, "recurring": back / (back + rest)}
+
+
+def regular(*, back=0.95, rest=0.05, repeating=0.95, irregularity=None):
+    """One that has heard a cut that comes back, but for some noise."""
+    irregularity = irregularity or Irregularity(INTERVAL_S)
+    assert hear(irregularity, intervals=WINDOW, repeating=repeating, **parts(back, rest)) == []
+    return irregularity
+
+
+def test_what_comes_back_no_more_and_outgrows_the_load_is_an_alarm():
+    """Steady as it is; a load four times as high makes no more than four times as much of it."""
+    load = 4.0
+    rest = 0.05 * load * BEYOND_LOAD
+    first, *_ = hear(regular(), intervals=40, repeating=0.8, **parts(0.95 * load, 1.1 * rest))
+    assert first <= ENOUGH
+    assert hear(regular(), intervals=40, repeating=0.8, **parts(0.95 * load, 0.9 * rest)) == []
+
+
+@pytest.mark.parametrize(
+    ("usual", "now", "repeating"),
+    [
+        ({}, parts(20.0, 1.0), 0.95),  # a load of twenty times
+        ({}, parts(0.95, 0.9 * LOUDER - 0.95), 0.5),  # hardly louder than before
+        ({}, parts(0.1, 10.0), 1.0 - 0.9 * LESS_ALIKE * 0.05),  # it comes back as before, but at another speed
+        ({"back": 0.9 * REPEATED, "rest": 1.0 - 0.9 * REPEATED}, parts(0.4, 10.0), 0.3),  # never came back
+    ],
+)
+def test_what_a_load_or_a_speed_can_do_is_none(usual, now, repeating):
+    assert hear(regular(**usual), intervals=40, repeating=repeating, **now) == []
+
+
+def test_it_goes_on_until_half_of_that_is_left():
+    irregularity = regular()
+    hear(irregularity, intervals=20, repeating=0.6, **parts(1.0, 5.0))
+    enough = STILL * BEYOND_LOAD * 0.05
+    assert len(hear(irregularity, intervals=40, repeating=0.9, **parts(1.3, 1.5 * 1.3 * enough / 0.95))) == 40
+    assert max(hear(irregularity, intervals=40, repeating=0.9, **parts(1.3, 0.8 * 1.3 * enough / 0.95))) <= ENOUGH
+
+
+@pytest.mark.parametrize(("before", "alarm"), [(0.9, True), (1.1, False)])
+def test_a_machine_that_was_heard_before_the_cut_tells_no_load(before, alarm):
+    """A pump comes back as well, and minds no tool: next to it any noise of a cut outgrows what comes back."""
+    irregularity = Irregularity(INTERVAL_S)
+    irregularity.idle(before * 0.95 / OF_THE_CUT, 1.0)
+    heard = hear(regular(irregularity=irregularity), intervals=40, repeating=0.2, **parts(0.95, 10.0))
+    assert bool(heard) is alarm
+    irregularity.idle(1.0, None)  # nothing comes back
+    assert hear(regular(irregularity=irregularity), intervals=40, repeating=0.2, **parts(0.95, 10.0))
+
+
+def test_a_rotation_that_gets_known_begins_anew():
+    """What was not known of the cut before is no measure."""
+    irregularity = calm()
+    assert hear(irregularity, 1.0, 2 * LEAST, recurring=0.95) == []
+    assert hear(irregularity, intervals=ENOUGH, repeating=0.5, **parts(0.95, 10.0))

@@ -1,0 +1,96 @@
+"""How much of a signal comes back after whole rotations of a spindle whose speed is known.
+
+All that forces a cut is the same after a rotation; what it leaves of the signal is noise, and what the machine does of
+itself. So of the power P of a frame, whose correlation with what was some rotations before is r, about r P is forced,
+and (1 - r) P is not. That does not wait for a comb to be found or averaged, minds no line that is near an order, and
+a load that jumps is over after a rotation. `kernels.repeats` asks for no speed, and takes the lag at which most
+repeats: of bursts a tooth apart, or of a lightly damped mode that noise drives, some lag always fits.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels.options import OPTIONS, SUMS
+from chatter_monitor.kernels.polynomial import cubic
+
+# The longest lag in frames, that of a rotation at 300 rpm; the shortest is one frame, so that no sample is compared
+# with itself, and noise has been forgotten.
+LONGEST = 4
+# How far a rotation may be from the speed that is known, relatively.
+AROUND = 0.003
+# Places between two samples in which the crest of the correlation is looked for.
+BETWEEN = 8
+
+
+def new_past(frame: int) -> np.ndarray:
+    """Nothing has been heard."""
+    return np.zeros((LONGEST + 1) * frame)
+
+
+@njit(**OPTIONS)
+def recurring_share(frame: np.ndarray, past: np.ndarray, rotation: float) -> float:
+    """Take in a frame; return its correlation with what was a whole number of rotations before, at least a frame.
+
+    Parameters
+    ----------
+    frame : ndarray of float64, shape (n,)
+        For a sample that is missing, which is not finite, the one before stands in.
+    past : ndarray of float64, shape ((LONGEST + 1) n,)
+        The latest samples, oldest first; changed in place.
+    rotation : float
+        Length of one in samples; 0 if it is not known.
+
+    Returns
+    -------
+    float
+        0 to 1; NaN if the rotation is not known or too long.
+    """
+    size, end = frame.shape[0], past.shape[0]
+    for t in range(end - size):
+        past[t] = past[t + size]
+    for t in range(size):
+        past[end - size + t] = frame[t] if abs(frame[t]) < math.inf else past[end - size + t - 1]
+    if rotation <= 0.0:
+        return math.nan
+    lag = max(1.0, math.ceil(size / rotation)) * rotation
+    shortest, longest = (1.0 - AROUND) * lag, (1.0 + AROUND) * lag
+    if longest + 2.0 > end - size:
+        return math.nan
+    at = int(shortest)
+    total, square, _ = _sums(past, size, 0)
+    power = square - total * total / size
+    a, b = _correlation(past, size, at - 1, total, power), _correlation(past, size, at, total, power)
+    c = _correlation(past, size, at + 1, total, power)
+    largest = 0.0
+    while at <= longest:
+        d = _correlation(past, size, at + 2, total, power)
+        for i in range(BETWEEN):
+            x = i / BETWEEN
+            if shortest <= at + x <= longest:
+                largest = max(largest, cubic(a, b, c, d, x))
+        a, b, c = b, c, d
+        at += 1
+    return min(largest, 1.0)
+
+
+@njit(**OPTIONS)
+def _correlation(past, size, lag, total, power):
+    """Coefficient of correlation of the latest samples, of this sum and variance, with those so many before."""
+    total_before, square, product = _sums(past, size, lag)
+    norm = math.sqrt(max(power * (square - total_before * total_before / size), 0.0))
+    return (product - total * total_before / size) / norm if norm > 0.0 else 0.0
+
+
+@njit(**SUMS)
+def _sums(past, size, lag):
+    """Sums of samples, so many before the latest, of their squares, and of their products with the latest."""
+    end = past.shape[0]
+    latest, before = past[end - size :], past[end - size - lag : end - lag]
+    total = square = product = 0.0
+    for t in range(size):
+        total += before[t]
+        square += before[t] * before[t]
+        product += before[t] * latest[t]
+    return total, square, product
