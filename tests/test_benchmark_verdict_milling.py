@@ -63,19 +63,31 @@ def test_what_loses_contact_but_repeats_does_not_chatter():
     assert not chatters[round((milling.DEEPER + 0.5) / INTERVAL_S) : round(milling.SHALLOW / INTERVAL_S) - 1].any()
 
 
+def test_a_cut_in_which_only_noise_moves_does_not_chatter():
+    """Four teeth in a full slot make no force that changes: its twin does not repeat either."""
+    mill = milling.draw(1583)
+    assert not mill.chatters
+    assert milling.simulate(mill)[1].mean() < 0.02
+
+
 def test_a_score_counts_what_is_due():
-    """Chatter from its own onset on, wherever the cut gets deeper; alarms before it are false."""
-    mill = replace(milling.draw(2), under=0.5)
+    """Chatter from its own onset on, wherever the cut gets deeper; alarms before it are false within the limit only."""
+    mill = replace(milling.draw(2), under=0.5, over=1.5, chatters=True, ramp=True)  # beyond it from 7.25 s on, in 145
     chatters, alarm = np.zeros((2, 278), bool)
     chatters[140:215] = True
     alarm[130], alarm[150:212], alarm[211:250] = True, True, True
     score = milling.Score()
     score.add(alarm, chatters, mill)
     assert (score.chatter, score.told) == (67, 60)
-    assert (score.stable, score.false) == (2, 1)
+    assert (score.stable, score.false, score.beyond, score.early) == (2, 1, 0, 0)
     assert score.lags_s == pytest.approx([0.55])
+    chatters[140:155] = False
+    alarm[130], alarm[146] = False, True
+    score = milling.Score()
+    score.add(alarm, chatters, mill)
+    assert (score.chatter, score.stable, score.false, score.beyond, score.early) == (52, 2, 0, 1, 1)
     score.add(np.zeros(278, bool), np.zeros(278, bool), mill)
-    assert (score.chatter, score.stable, score.false, len(score.lags_s)) == (67, 4, 1, 1)
+    assert (score.chatter, score.stable, score.beyond, score.early, len(score.lags_s)) == (52, 4, 2, 1, 1)
 
 
 def test_chatter_from_the_first_contact_is_told_without_a_speed():
