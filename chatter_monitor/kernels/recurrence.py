@@ -12,7 +12,8 @@ import math
 import numpy as np
 from numba import njit
 
-from chatter_monitor.kernels.options import OPTIONS, SUMS
+from chatter_monitor.kernels.correlation import coefficient
+from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.polynomial import cubic
 
 # The longest lag in frames, that of a rotation at 300 rpm; the shortest is one frame, so that no sample is compared
@@ -59,13 +60,10 @@ def recurring_share(frame: np.ndarray, past: np.ndarray, rotation: float) -> flo
     if longest + 2.0 > end - size:
         return math.nan
     at = int(shortest)
-    total, square, _ = _sums(past, size, 0)
-    power = square - total * total / size
-    a, b = _correlation(past, size, at - 1, total, power), _correlation(past, size, at, total, power)
-    c = _correlation(past, size, at + 1, total, power)
+    a, b, c = _alike(past, size, at - 1), _alike(past, size, at), _alike(past, size, at + 1)
     largest = 0.0
     while at <= longest:
-        d = _correlation(past, size, at + 2, total, power)
+        d = _alike(past, size, at + 2)
         for i in range(BETWEEN):
             x = i / BETWEEN
             if shortest <= at + x <= longest:
@@ -76,21 +74,7 @@ def recurring_share(frame: np.ndarray, past: np.ndarray, rotation: float) -> flo
 
 
 @njit(**OPTIONS)
-def _correlation(past, size, lag, total, power):
-    """Coefficient of correlation of the latest samples, of this sum and variance, with those so many before."""
-    total_before, square, product = _sums(past, size, lag)
-    norm = math.sqrt(max(power * (square - total_before * total_before / size), 0.0))
-    return (product - total * total_before / size) / norm if norm > 0.0 else 0.0
-
-
-@njit(**SUMS)
-def _sums(past, size, lag):
-    """Sums of samples, so many before the latest, of their squares, and of their products with the latest."""
+def _alike(past, size, lag):
+    """Correlation of the latest samples with those so many before."""
     end = past.shape[0]
-    latest, before = past[end - size :], past[end - size - lag : end - lag]
-    total = square = product = 0.0
-    for t in range(size):
-        total += before[t]
-        square += before[t] * before[t]
-        product += before[t] * latest[t]
-    return total, square, product
+    return coefficient(past[end - size :], past[end - size - lag : end - lag])

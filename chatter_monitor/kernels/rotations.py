@@ -14,6 +14,7 @@ import math
 import numpy as np
 from numba import njit
 
+from chatter_monitor.kernels.correlation import coefficient
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.repeats import LONGEST, Repeats, got_fainter, repeating_share
 
@@ -159,18 +160,5 @@ def _between(repeats):
     end = samples.shape[0]
     largest = 0.0
     for lag in range(round(NEAREST * size), round(NEXT * repeats.lag[0] * size)):
-        largest = max(largest, abs(_coefficient(samples[end - size :], samples[end - size - lag : end - lag])))
+        largest = max(largest, abs(coefficient(samples[end - size :], samples[end - size - lag : end - lag])))
     return largest
-
-
-@njit(**OPTIONS)
-def _coefficient(a, b):
-    """Coefficient of correlation of two stretches."""
-    mean_a, mean_b = np.mean(a), np.mean(b)
-    product = power_a = power_b = 0.0
-    for t in range(a.shape[0]):
-        product += (a[t] - mean_a) * (b[t] - mean_b)
-        power_a += (a[t] - mean_a) ** 2
-        power_b += (b[t] - mean_b) ** 2
-    norm = math.sqrt(power_a * power_b)
-    return product / norm if norm > 0.0 else 0.0
