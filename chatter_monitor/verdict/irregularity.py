@@ -137,11 +137,15 @@ class Irregularity:
 
 
 def _has_left_the_load(now: Heard, usual: Heard, part: float) -> bool:
-    """Whether what does not come back after a rotation has grown by more than the load has, or by a part of that."""
-    load = max(now.back - usual.back, 0.0)
+    """Whether what does not come back after a rotation has grown by more than the load has, or by a part of that.
+
+    The load is still there: where it is not, the spindle turns at another speed.
+    """
+    load = now.back - usual.back
     return (  # of numbers that are not known nothing is true
         usual.back - usual.level >= math.log(REPEATED)
-        and now.rest - usual.rest - load >= math.log(part * BEYOND_LOAD)
+        and load >= math.log(part)
+        and now.rest - usual.rest - max(load, 0.0) >= math.log(part * BEYOND_LOAD)
         and 1.0 - now.repeating >= part * LESS_ALIKE * (1.0 - usual.repeating)
     )
 

@@ -128,8 +128,9 @@ def test_what_comes_back_no_more_and_outgrows_the_load_is_an_alarm():
     [
         ({}, parts(20.0, 1.0), 0.95),  # a load of twenty times
         ({}, parts(0.95, 0.9 * LOUDER - 0.95), 0.5),  # hardly louder than before
-        ({}, parts(0.1, 10.0), 1.0 - 0.9 * LESS_ALIKE * 0.05),  # it comes back as before, but at another speed
-        ({"back": 0.9 * REPEATED, "rest": 1.0 - 0.9 * REPEATED}, parts(0.4, 10.0), 0.3),  # never came back
+        ({}, parts(1.0, 10.0), 1.0 - 0.9 * LESS_ALIKE * 0.05),  # it comes back as before, but at another speed
+        ({}, parts(0.9, 10.0), 0.3),  # what forced it does not come back any more: at that speed nothing turns
+        ({"back": 0.9 * REPEATED, "rest": 1.0 - 0.9 * REPEATED}, parts(0.5, 10.0), 0.3),  # never came back
     ],
 )
 def test_what_a_load_or_a_speed_can_do_is_none(usual, now, repeating):
@@ -149,14 +150,14 @@ def test_a_machine_that_was_heard_before_the_cut_tells_no_load(before, alarm):
     """A pump comes back as well, and minds no tool: next to it any noise of a cut outgrows what comes back."""
     irregularity = Irregularity(INTERVAL_S)
     irregularity.idle(before * 0.95 / OF_THE_CUT, 1.0)
-    heard = hear(regular(irregularity=irregularity), intervals=40, repeating=0.2, **parts(0.95, 10.0))
+    heard = hear(regular(irregularity=irregularity), intervals=40, repeating=0.2, **parts(1.0, 10.0))
     assert bool(heard) is alarm
     irregularity.idle(1.0, None)  # nothing comes back
-    assert hear(regular(irregularity=irregularity), intervals=40, repeating=0.2, **parts(0.95, 10.0))
+    assert hear(regular(irregularity=irregularity), intervals=40, repeating=0.2, **parts(1.0, 10.0))
 
 
 def test_a_rotation_that_gets_known_begins_anew():
     """What was not known of the cut before is no measure."""
     irregularity = calm()
     assert hear(irregularity, 1.0, 2 * LEAST, recurring=0.95) == []
-    assert hear(irregularity, intervals=ENOUGH, repeating=0.5, **parts(0.95, 10.0))
+    assert hear(irregularity, intervals=ENOUGH, repeating=0.5, **parts(1.0, 10.0))
