@@ -84,7 +84,7 @@ class Irregularity:
         self._foreign = 0.0 if recurring is None else recurring * power
 
     def rest(self) -> None:
-        """A cut begins."""
+        """Nothing is cut, or a cut begins."""
         self._now.clear()
         self._past.clear()
         self._usual = None
