@@ -4,6 +4,8 @@ Made of a resonance that noise drives, a comb of teeth, and a self-excited oscil
 of `benchmarks.verdict`. The tool enters and leaves within 50 ms; between passes there is the noise of a room.
 
 - ``chatter``: two calm passes, then one that chatters from its first moment. Speeds are told within 1 %, or not at all.
+- ``again``: a pass that turns to chatter, and three that chatter from their first moment on, in rooms as loud as a
+  hundredth to a tenth of the chatter.
 - ``jobs``: four calm passes, each of another job. Speeds are told in time, or the first one goes on being believed, or
   none is told; in half of the runs a pump is switched on in a pause.
 
@@ -106,6 +108,27 @@ def chattering_pass(seed: int) -> tuple[Signal, list[Job], float]:
     return sum(engaged(job, t) for job in jobs) * cut + 0.01 * noise[3], jobs, jobs[-1].begins_s
 
 
+def chattering_again(seed: int) -> tuple[Signal, list[Job]]:
+    """A pass that turns to chatter, and three that chatter at once."""
+    rng = np.random.default_rng([7, seed])
+    t = np.arange(round(16.0 * RATE_HZ)) / RATE_HZ
+    frequency_hz, damping = float(np.exp(rng.uniform(np.log(200), np.log(2000)))), float(rng.uniform(0.01, 0.04))
+    rotation_hz, number = float(rng.uniform(15, 100)), int(rng.integers(1, 6))
+    jobs = [Job(begins, ends, rotation_hz, number) for begins, ends in ((1, 6), (7, 9), (10, 12), (13, 15))]
+    noise = rng.standard_normal((4, t.size))
+    turns_s, growing_s = 3.0, float(rng.uniform(0.05, 0.3))
+    grown = np.where(t < turns_s, 0.0, np.minimum(0.02 * np.exp((t - turns_s) / growing_s), 1.0))
+    cut = (
+        0.1 * resonance(frequency_hz, damping, noise[0])
+        + 0.15 * resonance(1.6 * frequency_hz, 0.03, noise[1])
+        + 0.05 * noise[2]
+        + 0.3 * teeth(jobs[0], t, rng)
+        + grown * chatter(frequency_hz, t.size, rng)
+    )
+    room = 10.0 ** rng.uniform(-2.0, -1.0)
+    return sum(engaged(job, t) for job in jobs) * cut + room * noise[3], jobs
+
+
 def calm_jobs(seed: int) -> tuple[Signal, list[Job]]:
     """Four calm passes of four jobs."""
     rng = np.random.default_rng([3, seed])
@@ -158,6 +181,20 @@ def main() -> None:
             after_s += [min(t for t in alarms if t > begins_s) - begins_s] if alarms.size else []
         median = f", after {np.median(after_s):.2f} s (median)" if after_s else ""
         print(f"chatter from the entry, speed {'told' if known else 'unknown'}: {len(after_s)} of {len(seeds)}{median}")
+    for known in (True, False):
+        first: Counter[bool] = Counter()
+        later: Counter[bool] = Counter()
+        for seed in seeds:
+            signal, jobs = chattering_again(seed)
+            said = np.array(states(signal, [(0.0, announced(jobs[0]))] if known else [])) == "self_excited"
+            ends = INTERVAL_S * (1 + np.arange(said.size))
+            first[bool(said[ends < jobs[0].ends_s].any())] += 1
+            for job in jobs[1:]:
+                later.update(said[(ends > job.begins_s + ENTERING_S) & (ends < job.ends_s)].tolist())
+        print(
+            f"chatter again, speed {'told' if known else 'unknown'}: alarm in {first[True]} of {len(seeds)} first "
+            f"passes; in the later ones {100 * later[True] / later.total():.0f} % of the intervals"
+        )
     for how in ("told", "the first one believed", "unknown"):
         heard: Counter[str] = Counter()
         runs = 0

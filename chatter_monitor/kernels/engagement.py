@@ -9,8 +9,9 @@ begins where nothing but noise was heard, no line and nothing that turns, if it 
 vibration that grows by itself comes before the noise that it makes. So is what is there at once, noise or not, where
 lines were faint and nothing repeated, or, before the first cut, lifts the noise by far there: growth takes time, and
 where teeth are heard the tool is in the cut, as it is where what got louder within some frames had sounded before.
-Lines that stay as they were while all else gets louder are a pump's and count as silence. What falls while most of what
-is heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on. Until there is
+Lines that stay as they were while all else gets louder are a pump's and count as silence. A louder tool drowns them:
+where a told speed was not heard, noise that leaps by far more than a lone line lifts it tells. What falls while most of
+what is heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on. Until there is
 enough of that to compare with, the tool has left when all of the signal falls, comb and all, between the lines, too,
 and nothing repeats any more.
 """
@@ -34,15 +35,17 @@ NEAR, FOLLOWING = 4.0 * DECIBEL, 0.02
 FALLING, BEFORE = 4, 16
 # Nothing but noise is heard as long as no line stands out by so much: the highest of 250 bins of noise does by 6 dB.
 NOISE = 7.0 * DECIBEL
-# A lone line with its skirts lifts the level, too, by a sixth of its height at most; a tool that enters by more.
-LONE = 0.2
+# A lone line with its skirts lifts the level, too, by a sixth of its height at most; a tool that enters by more, and by
+# far more where something hums already.
+LONE, BY_FAR = 0.2, 2.0
 # Where no line stood out by so much, a tenth of the power, what is louder by so much within so many transforms is the
 # tool: to grow out of a tenth to that in 25 ms, a vibration would have to grow e-fold in 10 ms.
 FAINT, LEAP, AT_ONCE = 15.0 * DECIBEL, 12.0 * DECIBEL, 2
 # An idle machine may ring, too, but so far below its cut.
 RINGING = 20.0 * DECIBEL
-# Teeth are heard, whether any of their lines stands out or not, where so much of the power repeats.
-TEETH = 0.2
+# Teeth are heard, whether any of their lines stands out or not, where so much of the power repeats; of a pump in the
+# noise of a room no more than so much does.
+TEETH, HUM = 0.2, 0.5
 # The tool has entered when the level has not risen by so much in so many frames; it takes a second at most.
 STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 
@@ -59,7 +62,7 @@ def new_air():
 
 
 @njit(**OPTIONS)
-def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, familiar, head, air, scratch):
+def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, unheard, familiar, head, air, scratch):
     """Whether the tool is in the cut and has been for a moment.
 
     Parameters
@@ -78,6 +81,8 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, f
         Whether the whole became louder at once (`has_leapt`).
     beside : tuple of float
         By how much all has got louder beside a pump, and how far a line of it stands out (`louder_beside_pump`).
+    unheard : bool
+        Whether a speed is told and no spindle is heard at it.
     familiar : bool
         Whether what stands out most by now did so, less, before all got louder (`kernels.hump`).
     head : int
@@ -121,7 +126,10 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, f
                 rings = power - powers[then] >= RINGING
                 at_once = (leapt and (rings or not familiar)) or (lifts and not familiar)
                 at_once &= crest < FAINT or pump
-                out |= at_once and _before(repeating, head, air[ALIKE], scratch) < TEETH
+                repeats = _before(repeating, head, air[ALIKE], scratch)
+                out |= at_once and repeats < TEETH
+                by_far = lifts and leapt and rise >= BY_FAR * LONE * crests[newest]
+                out |= by_far and unheard and not familiar and crest < math.inf and repeats < HUM
     elif repeating[newest] < TEETH and _fallen(levels, head, scratch) and _fallen(wholes, head, scratch):
         out = True
         air[LEVEL], air[CUT], air[ALONE] = level, _before(powers, head, head, scratch), 0.0

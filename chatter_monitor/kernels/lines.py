@@ -134,7 +134,7 @@ def new_state(window: np.ndarray, interval: int, hops: int, frames: int) -> Line
 
 def finding(
     hop: int, lowest: int, state: LineState, peaks: np.ndarray, measures: np.ndarray
-) -> Callable[[np.ndarray, bool, bool, float, float, bool], int]:
+) -> Callable[[np.ndarray, bool, bool, float, float, bool, bool], int]:
     """How the lines of a frame are found.
 
     Parameters
@@ -155,20 +155,21 @@ def finding(
     callable
         Of the frame's samples, contiguous float64, shape (n,), NaN where they are missing; of whether the signal is
         alike to what it was, whether something that turns has been taken out of it, the power with that, which share
-        of this repeats, and whether it has got fainter though the tool has not left. Returns how many lines there are.
+        of this repeats, whether it has got fainter though the tool has not left, and whether a speed is told at which
+        nothing turns. Returns how many lines there are.
     """
-    machine_code = bound(_find, state.window, False, False, 0.0, 0.0, False, hop, lowest, state, peaks, measures)
-    return lambda signal, alike, turns, whole, repeating, fainter: machine_code(
-        signal, alike, turns, whole, repeating, fainter, hop, lowest, state, peaks, measures
+    machine_code = bound(_find, state.window, False, False, 0.0, 0.0, False, False, hop, lowest, state, peaks, measures)
+    return lambda signal, alike, turns, whole, repeating, fainter, unheard: machine_code(
+        signal, alike, turns, whole, repeating, fainter, unheard, hop, lowest, state, peaks, measures
     )
 
 
 @njit(**OPTIONS)
-def _find(signal, alike, turns, whole, repeating, fainter, hop, lowest, state, peaks, measures):
+def _find(signal, alike, turns, whole, repeating, fainter, unheard, hop, lowest, state, peaks, measures):
     if not alike:
         state.counts[ALIKE] = 0
     _take(signal, hop, state)
-    return _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measures)
+    return _follow(hop, lowest, turns, whole, repeating, fainter, unheard, state, peaks, measures)
 
 
 @njit(**OPTIONS)
@@ -211,7 +212,7 @@ def _take(signal, hop, state):
 
 
 @njit(**OPTIONS)
-def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measures):
+def _follow(hop, lowest, turns, whole, repeating, fainter, unheard, state, peaks, measures):
     """Find the most prominent lines of the newest transforms and describe each."""
     spectra, power, reliefs, relief, counts = state.spectra, state.power, state.reliefs, state.relief, state.counts
     if recent_power(spectra, state.valid, counts[TAKEN], FRAME_HOPS, power) == 0:
@@ -238,7 +239,7 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measure
     beside = louder_beside_pump(reliefs, state.powers, state.levels, lowest, counts[FRAMES])
     heard = state.levels, state.totals, state.wholes, state.crests, state.repeating
     familiar = grew_out_of_hump(reliefs, state.powers, state.totals, lowest, counts[FRAMES], state.scratch)
-    told = fainter, leapt, beside, familiar
+    told = fainter, leapt, beside, unheard, familiar
     state.cutting[column] = engaged(*heard, *told, counts[FRAMES], state.air, state.scratch)
     low = fell(state.totals, state.wholes, counts[FRAMES], state.air, state.scratch)
     counts[FALLEN] = counts[FALLEN] + 1 if low else 0

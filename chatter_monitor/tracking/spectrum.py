@@ -128,6 +128,7 @@ class Spectrum:
         whole: float = 1.0,
         repeating: float = 0.0,
         fainter: bool = False,
+        unheard: bool = False,
     ) -> NDArray[np.float64]:
         """Take the samples of the next frame and return its lines, rows of `Line`, most prominent first.
 
@@ -146,7 +147,10 @@ class Spectrum:
             Share of this that repeats.
         fainter : bool
             Whether it has got fainter and the tool has not left: the cut is lighter, or a comb is taken out of it now.
+        unheard : bool
+            Whether a speed is told and no spindle is heard at it.
         """
-        count = self._find(np.ascontiguousarray(signal, np.float64), alike, turns, whole, repeating, fainter)
+        heard = alike, turns, whole, repeating, fainter, unheard
+        count = self._find(np.ascontiguousarray(signal, np.float64), *heard)
         lines: NDArray[np.float64] = self._measures[:count] * self._units
         return lines

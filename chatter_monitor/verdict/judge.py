@@ -12,6 +12,7 @@ from chatter_monitor.records import Flag, Verdict
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.margin_tracker import FRAMES_TO_RENEW
 from chatter_monitor.verdict import reasons
+from chatter_monitor.verdict.arrival import Arrival
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, spindle_order
 from chatter_monitor.verdict.irregularity import Irregularity
 from chatter_monitor.verdict.loudness import Loudness
@@ -54,6 +55,7 @@ class Judge:
         self._following = Following()
         self._loudness = Loudness(interval_s)
         self._irregularity = Irregularity(interval_s)
+        self._arrival = Arrival(interval_s)
 
     def set_thresholds(self, settings: JudgeSettings) -> None:
         """Judge by other thresholds, from the next interval on; what is remembered stays."""
@@ -69,20 +71,21 @@ class Judge:
         if deaf:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif (quiet := _quiet(evidence, memory, settings)) is not None:
-            self._rest(evidence)
+            self._rest(forget=evidence.alone or self._arrival.came_with_tool(evidence.rms**2))
             self._irregularity.idle(evidence.rms**2, evidence.orders.recurring_share)
             memory = memory._replace(told=Told())
             view = Opinion("idle", 0.95, (quiet,))
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         elif evidence.entering:
-            self._rest(evidence)
+            self._rest(forget=evidence.alone)
             repeating = repeating_share(evidence.orders, Told())
             memory = memory._replace(told=Told(), repeating=repeating, forced_share=repeating)
             view = entering(memory, settings)
         else:
             memory = self._follow(memory, evidence)
             view = self._by_loudness(opinion(evidence, memory, settings), evidence, memory)
+            self._arrival.hear(evidence.rms**2, alarm=view.state == "self_excited")
         undamped = view.state != "unknown" and is_undamped(evidence, settings)
         since_alarm = 0.0 if view.state == "self_excited" else memory.since_alarm + 1.0
         self._memory = memory._replace(
@@ -109,9 +112,10 @@ class Judge:
             forced_share=max(stands_for(steady), repeating),
         )
 
-    def _rest(self, evidence: Evidence) -> None:
-        """Nothing is cut, or a cut begins: of the one before only what has chattered is remembered."""
-        self._following.rest(forget=evidence.alone)
+    def _rest(self, *, forget: bool) -> None:
+        """Nothing is cut, or a cut begins: of the one before only what has chattered is remembered, or not even that."""
+        self._following.rest(forget=forget)
+        self._arrival.rest()
         self._loudness.rest()
         self._irregularity.rest()
 

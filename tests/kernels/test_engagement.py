@@ -14,11 +14,12 @@ STANDS_OUT, NOISE = 20.0, 6.0  # how far the most prominent line stands out of a
 BESIDE = 10.0 * DECIBEL, 20.0 * DECIBEL  # by how much a cut is louder than the room beside a pump, and its line
 
 
-def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), pump=(), familiar=(), repeating=0.0, with_comb=()):
+def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), pump=(), unheard=(), familiar=(), repeating=0.0, with_comb=()):
     """Whether the tool is in the cut, frame by frame, for stretches of (frames, level, power, crest) in dB.
 
     In the frames ``fainter`` most of what is heard goes on, fainter; in the frames ``leapt`` all became louder at once,
-    in the frames ``pump`` it did, but for the lines that were there, in the frames ``familiar`` a hump has grown.
+    in the frames ``pump`` it did, but for the lines that were there, in the frames ``familiar`` a hump has grown,
+    in the frames ``unheard`` a speed is told and not heard.
     So much of the power repeats, and so loud is the whole with what turns.
     """
     rng = np.random.default_rng(seed)
@@ -37,7 +38,7 @@ def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), pump=(), familia
             cutting[column] = engagement.engaged(
                 *(levels, powers, wholes, crests, repeats),
                 *(len(result) in fainter, len(result) in leapt, BESIDE if len(result) in pump else (0.0, 0.0)),
-                *(len(result) in familiar, head, air, np.zeros(columns)),
+                *(len(result) in unheard, len(result) in familiar, head, air, np.zeros(columns)),
             )
             result.append(bool(cutting[column]))
     return result
@@ -203,6 +204,26 @@ def test_much_noise_out_of_a_room_that_rumbles_is_a_tool_that_enters(crest, rise
     after = told(room(60, crest=crest), cut(60, AIR + rise), repeating=repeating)[60:]
     assert all(after) is not enters
     assert all(after[9:])
+
+
+@pytest.mark.parametrize(
+    ("crest", "rise", "repeating", "familiar", "enters"),
+    [
+        (STANDS_OUT, 14.0, 0.4, (), True),
+        (STANDS_OUT, 10.0, 0.4, (), False),  # as much noise as a line and its skirts make
+        (np.inf, 14.0, 0.4, (), False),  # something turns: teeth, maybe
+        (STANDS_OUT, 14.0, 0.6, (), False),
+        (STANDS_OUT, 14.0, 0.4, range(60, 65), False),
+    ],
+)
+def test_noise_that_leaps_by_far_beside_a_hum_is_a_tool_that_enters(crest, rise, repeating, familiar, enters):
+    """Though the hum is drowned; growth makes noise after it has grown."""
+    heard = room(60, crest=crest), cut(60, AIR + rise)
+    after = told(*heard, leapt=(60, 61), unheard=range(60, 65), repeating=repeating, familiar=familiar)[60:]
+    assert all(after) is not enters
+    assert all(after[9:])
+    assert all(told(*heard, unheard=range(60, 65), repeating=repeating, familiar=familiar))
+    assert all(told(*heard, leapt=(60, 61), repeating=repeating, familiar=familiar))
 
 
 @pytest.mark.parametrize(("crest", "rise", "leapt"), [(NOISE, 20.0, ()), (12.0, 20.0, ()), (12.0, 6.0, (60, 61))])

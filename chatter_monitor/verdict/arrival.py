@@ -1,0 +1,48 @@
+"""Whether what was an alarm had come with the tool, as it leaves: then it was nothing that grew in a cut.
+
+A tool that enters its first cut beside a pump, or out of a room that was never heard without it, may be taken for
+chatter, for all that is known. When it leaves there is more to go by: where all is as loud again as it was before the
+alarm, nothing was cut then. Chatter comes out of a cut, and a cut that is heard leaves something quieter behind.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections import deque
+
+# Before an alarm is from so many seconds before it on, but for the last, in which it may have been growing already.
+BEFORE_S, GROWING_S = 2.0, 0.5
+# What is within so many times the power is as loud.
+AS_LOUD = 2.0
+
+
+class Arrival:
+    """Power of one channel before the first alarm of a cut.
+
+    Parameters
+    ----------
+    interval_s : float
+        Length of an interval.
+    """
+
+    def __init__(self, interval_s: float) -> None:
+        self._past = deque[float](maxlen=round(BEFORE_S / interval_s))
+        self._growing = round(GROWING_S / interval_s)
+        self._before: float | None = None
+
+    def rest(self) -> None:
+        """Nothing is cut, or a cut begins."""
+        self._past.clear()
+
+    def hear(self, power: float, *, alarm: bool) -> None:
+        """Hear an interval of cutting: the power of the signal, and whether it is an alarm."""
+        if not self._past:
+            self._before = None
+        if alarm and self._before is None and len(self._past) > self._growing:
+            self._before = statistics.median(list(self._past)[: -self._growing])
+        self._past.append(power)
+
+    def came_with_tool(self, power: float) -> bool:
+        """Whether an alarm of the last cut came out of what is heard, so loud, without the tool."""
+        before = self._before
+        return before is not None and before / AS_LOUD < power < before * AS_LOUD
