@@ -14,6 +14,9 @@ where a told speed was not heard, noise that leaps by far more than a lone line 
 what is heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on. Until there is
 enough of that to compare with, the tool has left when all of the signal falls, comb and all, between the lines, too,
 and nothing repeats any more.
+
+A tool brings its lines with its noise. Where a line goes on to stand out more and more after the noise of what was
+taken for the first tool to enter has come, that is taken back: it grows by itself, and was in the cut.
 """
 
 import math
@@ -46,6 +49,8 @@ RINGING = 20.0 * DECIBEL
 # Teeth are heard, whether any of their lines stands out or not, where so much of the power repeats; of a pump in the
 # noise of a room no more than so much does.
 TEETH, HUM = 0.2, 0.5
+# What goes on to rise by so much in two frames, out of noise that has come, grows by itself.
+GOES_ON = 10.0 * DECIBEL
 # The tool has entered when the level has not risen by so much in so many frames; it takes a second at most.
 STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 
@@ -91,6 +96,11 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, u
         What is known of the air, changed in place.
     scratch : ndarray, shape (>= BEFORE,)
         Work space.
+
+    Returns
+    -------
+    bool
+        Whether it is. Where the number of frames since the air ended becomes infinite again, there was none.
     """
     columns = levels.shape[0]
     newest = (head - 1) % columns
@@ -140,10 +150,29 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, u
     air[SINCE] += 1.0
     if air[ENTERED] < LONGEST:
         air[ENTERED] += 1.0
+        first = air[LEVEL] == -math.inf
+        if first and _goes_on(levels, crests, _before(levels, head, air[ALIKE], scratch), head):
+            air[ENTERED], air[SINCE], air[ALIKE] = LONGEST, math.inf, 0.0
+            return True
         rises = level - levels[(head - 1 - ENTERING) % columns] > STILL
         if air[ENTERED] > ENTERING and not rises:
             air[ENTERED] = LONGEST
     return bool(air[ENTERED] >= LONGEST)
+
+
+@njit(**OPTIONS)
+def _goes_on(levels, crests, before, head):
+    """Whether the line that stands out most does so more and more, faster and faster, though the noise has come.
+
+    What a force drives slows down from the start on. Before it came, the level was so high.
+    """
+    columns = crests.shape[0]
+    now, last, then = (head - 1) % columns, (head - 2) % columns, (head - 3) % columns
+    come = levels[then] >= before + NEAR and levels[now] <= levels[then] + STILL
+    if not (come and max(crests[now], crests[then]) < math.inf):
+        return False
+    first, second = crests[last] - crests[then], crests[now] - crests[last]
+    return STILL <= first <= second and first + second >= GOES_ON
 
 
 @njit(**OPTIONS)

@@ -234,6 +234,19 @@ def test_what_grew_out_of_a_hump_is_no_tool_that_enters(crest, rise, leapt):
     assert all(told(*heard, leapt=leapt, familiar=range(60, 65)))
 
 
+@pytest.mark.parametrize(("crests", "enters"), [((8.0, 10.0, 15.0), True), ((8.0, 17.0, 22.0), True), ((8.0, 13.0, 20.0), False)])
+def test_a_line_that_goes_on_to_grow_came_with_no_tool(crests, enters):
+    """Taken back as soon as it is known; where a tool has been heard to leave, it has entered all the same."""
+    noise = room(60, crest=NOISE)
+    growing = [(1, CUT, CUT + crest, crest) for crest in crests]
+    after = told(noise, *growing, (20, CUT, CUT + 30.0, crests[-1]))[60:]
+    assert not any(after[:2])
+    assert after[2] is not enters
+    assert all(after[5:])
+    known = told(cut(60), room(60, crest=NOISE), *growing, (20, CUT, CUT + 30.0, crests[-1]))[120:]
+    assert not any(known[:3])
+
+
 @pytest.mark.parametrize(("louder", "enters"), [(18.0, False), (22.0, True)])
 def test_an_idle_machine_that_rings_is_far_fainter_than_its_cut(louder, enters):
     """A hump, too, but what leaps by more than 20 dB out of it is the tool."""

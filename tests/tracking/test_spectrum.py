@@ -184,6 +184,19 @@ def test_a_tool_enters_a_room_in_which_a_pump_hums(enters, hum):
     assert not any(entering[:30] + entering[40:])
 
 
+@pytest.mark.parametrize(("grown_s", "growing_s", "risen"), [(1.7, 0.04, True), (1.5, 0.0001, False)])
+def test_what_grows_after_the_noise_has_come_has_risen(grown_s, growing_s, risen):
+    """The noise of a cut comes at once, then a line grows e-fold in 40 ms; what comes with the noise is the tool's."""
+    t = times(3.0)
+    line = np.exp(np.minimum(t - grown_s, 0.0) / growing_s)
+    cut = np.clip((t - 1.5) / 0.01, 0.0, 1.0) * noise(len(t), 3.0, seed=6) + 40.0 * line * np.sin(2 * np.pi * 700.0 * t)
+    spectrum = Spectrum(RATE_HZ, INTERVAL)
+    for first in range(0, 36 * INTERVAL, INTERVAL):
+        lines = named(spectrum, (noise(len(t), 1.0) + cut)[first : first + INTERVAL])
+    (found,) = [line for line in lines if line.share > 0.5]
+    assert (min(found.long_rise, found.absolute_rise) > 0.8) is risen
+
+
 @pytest.mark.parametrize("sounded", [True, False])
 def test_what_sets_in_at_once_where_a_mode_had_sounded_has_risen(sounded):
     """Chatter of 20 dB within 50 ms, out of the noise of a cut that gets deeper; out of a room it is the tool."""
