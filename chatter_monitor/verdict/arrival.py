@@ -10,7 +10,8 @@ from __future__ import annotations
 import statistics
 from collections import deque
 
-# Before an alarm is from so many seconds before it on, but for the last, in which it may have been growing already.
+# Before an alarm is from so many seconds before it on, but for the last, in which it may have been growing already; at
+# least as many have to be left.
 BEFORE_S, GROWING_S = 2.0, 0.5
 # What is within so many times the power is as loud.
 AS_LOUD = 2.0
@@ -28,7 +29,8 @@ class Arrival:
     def __init__(self, interval_s: float) -> None:
         self._past = deque[float](maxlen=round(BEFORE_S / interval_s))
         self._growing = round(GROWING_S / interval_s)
-        self._before: float | None = None
+        self._alarmed = False
+        self._before: float | None = None  # the first alarm, if that is known
 
     def rest(self) -> None:
         """Nothing is cut, or a cut begins."""
@@ -37,9 +39,11 @@ class Arrival:
     def hear(self, power: float, *, alarm: bool) -> None:
         """Hear an interval of cutting: the power of the signal, and whether it is an alarm."""
         if not self._past:
-            self._before = None
-        if alarm and self._before is None and len(self._past) > self._growing:
-            self._before = statistics.median(list(self._past)[: -self._growing])
+            self._alarmed, self._before = False, None
+        if alarm and not self._alarmed:
+            self._alarmed = True
+            before = list(self._past)[: -self._growing]
+            self._before = statistics.median(before) if len(before) >= self._growing else None
         self._past.append(power)
 
     def came_with_tool(self, power: float) -> bool:

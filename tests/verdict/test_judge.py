@@ -479,6 +479,17 @@ def test_what_has_chattered_chatters_again(pause):
     assert states(*ONSET, *[pause] * 1300, *[STAYS] * 60)[-1] == "forced"
 
 
+@pytest.mark.parametrize(("room", "again"), [(0.3, True), (1.0, False)])
+def test_what_came_with_the_tool_has_not_chattered(room, again):
+    """An alarm out of the same room that the tool leaves behind was the tool that entered: it is not remembered."""
+    loud = evidence(growing(), rms=9.0)
+    air = evidence(rms=room, cutting=False)
+    stays = evidence(steady(), rms=9.0)
+    seen = states(*[evidence(rms=1.0)] * 40, *[loud] * 20, *[air] * 10, *[stays] * 20)
+    assert "self_excited" in seen[40:60]
+    assert ("self_excited" in seen[70:]) is again
+
+
 @pytest.mark.parametrize("after", [SILENCE, evidence(growing(), held=True), evidence(growing(), cutting=False)])
 def test_idle_ends_the_alarm_at_once(after):
     """When the tool has left the cut there is nothing to alarm about, and the next interval is none."""

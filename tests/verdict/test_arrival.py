@@ -1,0 +1,53 @@
+"""An alarm that came with the tool, as known when it leaves."""
+
+from __future__ import annotations
+
+import pytest
+
+from chatter_monitor.verdict.arrival import AS_LOUD, BEFORE_S, GROWING_S, Arrival
+
+INTERVAL_S = 0.05
+ROOM, CUT, CHATTER = 1.0, 10.0, 300.0  # powers
+
+
+def hear(arrival, power, intervals=60, *, alarm=False):
+    for _ in range(intervals):
+        arrival.hear(power, alarm=alarm)
+
+
+@pytest.mark.parametrize("after", [ROOM, 1.01 * ROOM / AS_LOUD, 0.99 * ROOM * AS_LOUD])
+def test_what_leaves_a_room_as_loud_as_before_the_alarm_came_with_the_tool(after):
+    arrival = Arrival(INTERVAL_S)
+    hear(arrival, ROOM)
+    hear(arrival, CHATTER, alarm=True)
+    arrival.rest()
+    assert arrival.came_with_tool(after)
+    assert not arrival.came_with_tool(ROOM * AS_LOUD)
+    assert not arrival.came_with_tool(ROOM / AS_LOUD)
+
+
+def test_chatter_comes_out_of_a_cut():
+    """It leaves a room that is quieter; and a tool that was heard to enter says all that there is to know."""
+    arrival = Arrival(INTERVAL_S)
+    assert not arrival.came_with_tool(ROOM)
+    hear(arrival, CUT)
+    hear(arrival, CHATTER, alarm=True)
+    hear(arrival, CUT)
+    hear(arrival, CHATTER, alarm=True)
+    assert not arrival.came_with_tool(ROOM)
+    for soon in (0, 1, round(2.0 * GROWING_S / INTERVAL_S) - 1):
+        arrival.rest()
+        hear(arrival, CUT, soon)
+        hear(arrival, CHATTER, alarm=True)
+        assert not arrival.came_with_tool(CUT)
+
+
+@pytest.mark.parametrize(("entered_s", "came"), [(1.0, True), (2.0, False)])
+def test_the_room_is_what_was_heard_for_most_of_the_time_before(entered_s, came):
+    """The tool may have been in the cut for a moment."""
+    arrival = Arrival(INTERVAL_S)
+    hear(arrival, ROOM, round(BEFORE_S / INTERVAL_S))
+    hear(arrival, CUT, round(entered_s / INTERVAL_S))
+    hear(arrival, CHATTER, alarm=True)
+    arrival.rest()
+    assert arrival.came_with_tool(ROOM) is came
