@@ -250,7 +250,7 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, unheard, state, peaks
     known = min(frames, counts[ALIKE])
     since = state.air[SINCE]
     # how many frames a line is compared with: of all that is known, of this cut, of a second, of those since it fell
-    columns, cut = state.columns, (state.levels, state.cutting, counts[FRAMES])
+    columns, cut = state.columns, (state.levels, state.cutting, state.crests, counts[FRAMES])
     here = compared(*cut, int(min(known, since)), columns)
     recent = compared(*cut, min(state.valid.shape[0] // FRAME_HOPS, known), columns)
     fallen = compared(*cut, min(counts[FALLEN], known), columns)

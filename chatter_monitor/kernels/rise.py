@@ -15,11 +15,12 @@ SILENCE = 5.8
 
 
 @njit(**OPTIONS)
-def compared(levels, cutting, head, frames, columns):
+def compared(levels, cutting, crests, head, frames, columns):
     """Columns of the last frames that a line is compared with, the newest first; returns how many there are.
 
     Frames in which nothing was cut, or in which there was next to silence, do not count: what begins has not risen from
-    them. There are none while nothing is cut.
+    them. Where something that turns was heard it was no silence, however much louder it is now. There are none while
+    nothing is cut.
 
     Parameters
     ----------
@@ -27,6 +28,8 @@ def compared(levels, cutting, head, frames, columns):
         Ring: mean logarithm of the power in each frame.
     cutting : ndarray of bool, shape (size,)
         Whether the tool was in the cut.
+    crests : ndarray, shape (size,)
+        Ring: infinite where something turned that could be heard.
     head : int
         Column after the newest, counted from the start without wrapping.
     frames : int
@@ -44,7 +47,8 @@ def compared(levels, cutting, head, frames, columns):
     for _ in range(min(frames, head, size)):  # without a branch
         column = before(column, size)
         columns[count] = column
-        count += cutting[column] and levels[column] > silence
+        heard = levels[column] > silence or crests[column] == math.inf
+        count += cutting[column] and heard
     return count
 
 

@@ -10,11 +10,15 @@ from tests import naive
 from tests.kernels.rings import BINS
 
 
-def risen(heights, levels, cutting, since, head, frames, b, powers=None):
-    """Rise of a bin, over the frames that count; of its prominence, if there are powers besides."""
-    columns = np.zeros(len(levels), np.int64)
-    here = compared(levels, cutting, head, min(frames, since), columns)
-    how = columns[: compared(levels, cutting, head, frames, columns)], here, b, np.zeros(len(levels))
+def risen(heights, levels, cutting, since, head, frames, b, powers=None, turns=()):
+    """Rise of a bin, over the frames that count; of its prominence, if there are powers besides.
+
+    In the columns ``turns`` something turned.
+    """
+    columns, crests = np.zeros(len(levels), np.int64), np.zeros(len(levels))
+    crests[list(turns)] = np.inf
+    here = compared(levels, cutting, crests, head, min(frames, since), columns)
+    how = columns[: compared(levels, cutting, crests, head, frames, columns)], here, b, np.zeros(len(levels))
     return power_rise(heights, *how) if powers is None else line_rise(heights, powers, *how)
 
 
@@ -39,6 +43,14 @@ def test_rise_is_that_of_the_twin(head, frames, spread, idle, since):
         in_order = powers[:, (np.arange(head - len(history[last]), head)) % rows].T
         expected = naive.rise(history[last], loudness[last], in_the_cut[last], since, b, in_order)
         assert risen(kept, levels, cutting, since, head, frames, b, powers) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("turns", "rise"), [((), 0.0), (range(11), 20.0)])
+def test_what_gets_many_times_louder_beside_teeth_has_risen(turns, rise):
+    """From 30 dB below it is heard to begin; where teeth were heard there was a cut."""
+    heights = np.append(np.zeros((BINS, 11)), np.full((BINS, 1), 40.0), axis=1)
+    levels = np.append(np.zeros(11), 6.9)
+    assert risen(heights, levels, np.ones(12, bool), 99, 12, 12, 20, turns=turns) == pytest.approx(rise)
 
 
 @pytest.mark.parametrize(("aside", "hides"), [(0, True), (1, True), (2, False), (3, False)])
