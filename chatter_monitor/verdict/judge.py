@@ -113,7 +113,7 @@ class Judge:
         )
 
     def _rest(self, *, forget: bool) -> None:
-        """Nothing is cut, or a cut begins: of the one before only what has chattered is remembered, or not even that."""
+        """Nothing is cut, or a cut begins: what has chattered in the one before is remembered, if that."""
         self._following.rest(forget=forget)
         self._arrival.rest()
         self._loudness.rest()

@@ -14,7 +14,18 @@ STANDS_OUT, NOISE = 20.0, 6.0  # how far the most prominent line stands out of a
 BESIDE = 10.0 * DECIBEL, 20.0 * DECIBEL  # by how much a cut is louder than the room beside a pump, and its line
 
 
-def told(*stretches, columns=160, seed=1, fainter=(), leapt=(), pump=(), unheard=(), familiar=(), repeating=0.0, with_comb=()):
+def told(
+    *stretches,
+    columns=160,
+    seed=1,
+    fainter=(),
+    leapt=(),
+    pump=(),
+    unheard=(),
+    familiar=(),
+    repeating=0.0,
+    with_comb=(),
+):
     """Whether the tool is in the cut, frame by frame, for stretches of (frames, level, power, crest) in dB.
 
     In the frames ``fainter`` most of what is heard goes on, fainter; in the frames ``leapt`` all became louder at once,
@@ -234,7 +245,9 @@ def test_what_grew_out_of_a_hump_is_no_tool_that_enters(crest, rise, leapt):
     assert all(told(*heard, leapt=leapt, familiar=range(60, 65)))
 
 
-@pytest.mark.parametrize(("crests", "enters"), [((8.0, 10.0, 15.0), True), ((8.0, 17.0, 22.0), True), ((8.0, 13.0, 20.0), False)])
+@pytest.mark.parametrize(
+    ("crests", "enters"), [((8.0, 10.0, 15.0), True), ((8.0, 17.0, 22.0), True), ((8.0, 13.0, 20.0), False)]
+)
 def test_a_line_that_goes_on_to_grow_came_with_no_tool(crests, enters):
     """Taken back as soon as it is known; where a tool has been heard to leave, it has entered all the same."""
     noise = room(60, crest=NOISE)
