@@ -90,6 +90,19 @@ def engaged(job: Job, t: Signal) -> Signal:
     return np.asarray(np.clip((t - job.begins_s) / ENTERING_S, 0, 1) * np.clip((job.ends_s - t) / ENTERING_S, 0, 1))
 
 
+def cutting(
+    job: Job, t: Signal, noise: Signal, frequency_hz: float, damping: float, grown: Signal, rng: np.random.Generator
+) -> Signal:
+    """A cut with chatter of the size ``grown``; of noise, shape (n, samples), the first three."""
+    return (
+        0.1 * resonance(frequency_hz, damping, noise[0])
+        + 0.15 * resonance(1.6 * frequency_hz, 0.03, noise[1])
+        + 0.05 * noise[2]
+        + 0.3 * teeth(job, t, rng)
+        + grown * chatter(frequency_hz, t.size, rng)
+    )
+
+
 def chattering_pass(seed: int) -> tuple[Signal, list[Job], float]:
     """Two calm passes and one that chatters; the signal, its passes, and when the last begins (s)."""
     rng = np.random.default_rng([5, seed])
@@ -98,13 +111,7 @@ def chattering_pass(seed: int) -> tuple[Signal, list[Job], float]:
     rotation_hz, number = float(rng.uniform(15, 100)), int(rng.integers(1, 6))
     jobs = [Job(begins, ends, rotation_hz, number) for begins, ends in ((1, 3), (4, 6), (7, 12))]
     noise = rng.standard_normal((4, t.size))
-    cut = (
-        0.1 * resonance(frequency_hz, damping, noise[0])
-        + 0.15 * resonance(1.6 * frequency_hz, 0.03, noise[1])
-        + 0.05 * noise[2]
-        + 0.3 * teeth(jobs[0], t, rng)
-        + (t >= jobs[-1].begins_s) * chatter(frequency_hz, t.size, rng)
-    )
+    cut = cutting(jobs[0], t, noise, frequency_hz, damping, t >= jobs[-1].begins_s, rng)
     return sum(engaged(job, t) for job in jobs) * cut + 0.01 * noise[3], jobs, jobs[-1].begins_s
 
 
@@ -118,13 +125,7 @@ def chattering_again(seed: int) -> tuple[Signal, list[Job]]:
     noise = rng.standard_normal((4, t.size))
     turns_s, growing_s = 3.0, float(rng.uniform(0.05, 0.3))
     grown = np.where(t < turns_s, 0.0, np.minimum(0.02 * np.exp((t - turns_s) / growing_s), 1.0))
-    cut = (
-        0.1 * resonance(frequency_hz, damping, noise[0])
-        + 0.15 * resonance(1.6 * frequency_hz, 0.03, noise[1])
-        + 0.05 * noise[2]
-        + 0.3 * teeth(jobs[0], t, rng)
-        + grown * chatter(frequency_hz, t.size, rng)
-    )
+    cut = cutting(jobs[0], t, noise, frequency_hz, damping, grown, rng)
     room = 10.0 ** rng.uniform(-2.0, -1.0)
     return sum(engaged(job, t) for job in jobs) * cut + room * noise[3], jobs
 

@@ -101,6 +101,16 @@ def by_event(heard: Iterable[Heard]) -> dict[str, float | None]:
     }
 
 
+def sudden_onset(cut: Cut) -> tuple[float, float] | None:
+    """When a cut suddenly becomes unstable, and how long after that it may take to tell (s); or None."""
+    crossing_s = cut.truth.unstable[0].crossing_s if cut.truth.unstable else None
+    if cut.family not in SUDDEN or crossing_s is None:
+        return None
+    at = int(crossing_s / INTERVAL_S)
+    period_s = 1.0 / float(np.median(cut.truth.frequency_hz[at : at + 10]))
+    return crossing_s, max(LAG_S, LAG_PERIODS * period_s)
+
+
 def lags(alarms: Iterable[tuple[Cut, Bools]]) -> dict[str, float | None]:
     """From a sudden crossing to the end of the first interval of alarm.
 
@@ -108,18 +118,18 @@ def lags(alarms: Iterable[tuple[Cut, Bools]]) -> dict[str, float | None]:
     """
     seconds, over_limit, early = [], [], 0
     for cut, alarm in alarms:
-        if cut.family not in SUDDEN:
+        onset = sudden_onset(cut)
+        if onset is None:
             continue
-        for crossing_s in [s.crossing_s for s in cut.truth.unstable[:1] if s.crossing_s is not None]:
-            at = int(crossing_s / INTERVAL_S)
-            if alarm[at - 1]:
-                early += 1
-                continue
-            later = np.flatnonzero(alarm[at:])
-            lag = INTERVAL_S * (at + int(later[0]) + 1) - crossing_s if later.size else np.inf
-            period_s = 1.0 / float(np.median(cut.truth.frequency_hz[at : at + 10]))
-            seconds.append(lag)
-            over_limit.append(lag / max(LAG_S, LAG_PERIODS * period_s))
+        crossing_s, limit_s = onset
+        at = int(crossing_s / INTERVAL_S)
+        if alarm[at - 1]:
+            early += 1
+            continue
+        later = np.flatnonzero(alarm[at:])
+        lag = INTERVAL_S * (at + int(later[0]) + 1) - crossing_s if later.size else np.inf
+        seconds.append(lag)
+        over_limit.append(lag / limit_s)
     median, p95 = _percentile(seconds, 50), _percentile(seconds, 95)
     return {
         "cuts": len(seconds),

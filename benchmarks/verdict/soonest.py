@@ -22,7 +22,6 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator
-from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +31,7 @@ from rich.progress import track
 
 from benchmarks.verdict.cache import cached_cuts
 from benchmarks.verdict.cut import INTERVAL_S, Cut
-from benchmarks.verdict.scoring import LAG_PERIODS, LAG_S, SUDDEN
+from benchmarks.verdict.scoring import LAG_PERIODS, LAG_S, sudden_onset
 
 Floats = NDArray[np.float64]
 
@@ -64,23 +63,21 @@ def soonest(before: float, after: float, instead: float, seed: int = 0) -> float
     rng = np.random.default_rng(seed)
     step_s = min(LONGEST_STEP_S, STEP / max(abs(before), abs(after), abs(instead)))
     unstable, stable = (_log_ratios(rng, before, rate, (after, instead), step_s) for rate in (after, instead))
-    for steps in count(1):
+    for steps in range(1, math.ceil(LONGEST_S / step_s) + 1):
         if np.median(next(unstable)) > np.quantile(next(stable), 1.0 - FALSE):
             return steps * step_s
-        if steps * step_s > LONGEST_S:
-            return math.inf
-    raise AssertionError  # it counts without end
+    return math.inf
 
 
 def _log_ratios(
-    rng: np.random.Generator, before: float, rate: float, rates: tuple[float, float], step_s: float
+    rng: np.random.Generator, before: float, rate: float, pair: tuple[float, float], step_s: float
 ) -> Iterator[Floats]:
-    """Logarithms of the likelihood of the first rate over that of the second, step by step, where `rate` is true."""
+    """Log likelihood of one of a pair of rates over that of the other, step by step, where `rate` is true."""
     amplitude = _noise(rng, 0.5 / -before)
     ratio = np.zeros(PATHS)
     while True:
         later = amplitude * math.exp(rate * step_s) + _noise(rng, _driven(rate, step_s))
-        for assumed, sign in zip(rates, (1.0, -1.0), strict=True):
+        for assumed, sign in zip(pair, (1.0, -1.0), strict=True):
             power = _driven(assumed, step_s)
             miss = np.abs(later - amplitude * math.exp(assumed * step_s)) ** 2
             ratio = ratio - sign * (miss / power + math.log(power))
@@ -98,16 +95,12 @@ def _noise(rng: np.random.Generator, power: float) -> NDArray[np.complex128]:
     return np.asarray(parts[:, 0] + 1j * parts[:, 1])
 
 
-def onset(cut: Cut) -> tuple[float, float, float, float] | None:
-    """When a cut first becomes unstable (s), its growth rate before and after (1/s) and its frequency (Hz); or None."""
-    truth = cut.truth
-    rates = -truth.damping_ratio * 2.0 * np.pi * truth.frequency_hz
-    for crossing_s in [s.crossing_s for s in truth.unstable[:1] if s.crossing_s is not None]:
-        at = int(crossing_s / INTERVAL_S)
-        before, after = rates[max(0, at - BEFORE) : at - 1], rates[at + 1 : at + 1 + AFTER]
-        frequency_hz = np.median(truth.frequency_hz[at + 1 : at + 1 + AFTER])
-        return crossing_s, float(np.median(before)), float(np.median(after)), float(frequency_hz)
-    return None
+def rates(cut: Cut, crossing_s: float) -> tuple[float, float]:
+    """Growth rates of a cut before and after it becomes unstable (1/s)."""
+    truth, at = cut.truth, int(crossing_s / INTERVAL_S)
+    growth = -truth.damping_ratio * 2.0 * np.pi * truth.frequency_hz
+    before, after = growth[max(0, at - BEFORE) : at - 1], growth[at + 1 : at + 1 + AFTER]
+    return float(np.median(before)), float(np.median(after))
 
 
 def as_scored(crossing_s: float, seconds: float) -> float:
@@ -126,11 +119,11 @@ def main() -> None:
     made = cached_cuts(chosen.split, chosen.cuts, chosen.cache, chosen.first)
     found: dict[str, list[tuple[float, float, float]]] = {name: [] for name in INSTEAD}
     for cut in track(made, total=chosen.cuts, console=Console(stderr=True)):
-        sudden = onset(cut) if cut.family in SUDDEN else None
-        if sudden is None:
+        onset = sudden_onset(cut)
+        if onset is None:
             continue
-        crossing_s, before, after, frequency_hz = sudden
-        limit_s = max(LAG_S, LAG_PERIODS / frequency_hz)
+        crossing_s, limit_s = onset
+        before, after = rates(cut, crossing_s)
         for name, part in INSTEAD.items():
             seconds = soonest(before, after, part * before)
             found[name].append((seconds, as_scored(crossing_s, seconds), limit_s))

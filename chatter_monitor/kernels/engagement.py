@@ -16,7 +16,7 @@ enough of that to compare with, the tool has left when all of the signal falls, 
 and nothing repeats any more.
 
 A tool brings its lines with its noise. Where a line goes on to stand out more and more after the noise of what was
-taken for the first tool to enter has come, that is taken back: it grows by itself, and was in the cut.
+taken for the first tool to enter has come, that is taken back: it grows by itself, and out of all that was before.
 """
 
 import math
@@ -96,11 +96,6 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, u
         What is known of the air, changed in place.
     scratch : ndarray, shape (>= BEFORE,)
         Work space.
-
-    Returns
-    -------
-    bool
-        Whether it is. Where the number of frames since the air ended becomes infinite again, there was none.
     """
     columns = levels.shape[0]
     newest = (head - 1) % columns

@@ -240,11 +240,7 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, unheard, state, peaks
     heard = state.levels, state.totals, state.wholes, state.crests, state.repeating
     familiar = grew_out_of_hump(reliefs, state.powers, state.totals, lowest, counts[FRAMES], state.scratch)
     told = fainter, leapt, beside, unheard, familiar
-    last = state.air[SINCE]
     state.cutting[column] = engaged(*heard, *told, counts[FRAMES], state.air, state.scratch)
-    if last < math.inf and state.air[SINCE] == math.inf:  # it was no tool that enters: these frames were in the cut
-        for back in range(1, int(last) + 2):
-            state.cutting[(counts[FRAMES] - 1 - back) % frames] = True
     low = fell(state.totals, state.wholes, counts[FRAMES], state.air, state.scratch)
     counts[FALLEN] = counts[FALLEN] + 1 if low else 0
     known = min(frames, counts[ALIKE])

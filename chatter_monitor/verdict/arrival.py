@@ -30,7 +30,7 @@ class Arrival:
         self._past = deque[float](maxlen=round(BEFORE_S / interval_s))
         self._growing = round(GROWING_S / interval_s)
         self._alarmed = False
-        self._before: float | None = None  # the first alarm, if that is known
+        self._before: float | None = None  # power before the first alarm, if known
 
     def rest(self) -> None:
         """Nothing is cut, or a cut begins."""
