@@ -237,6 +237,12 @@ def test_noise_that_leaps_by_far_beside_a_hum_is_a_tool_that_enters(crest, rise,
     assert all(told(*heard, leapt=(60, 61), repeating=repeating, familiar=familiar))
 
 
+def test_as_much_noise_as_a_line_as_high_may_bring_is_no_tool_that_enters():
+    """Of a line that stands out by 40 dB its skirts and sidebands may lift the level by 16."""
+    loud = 60, AIR + 14.0, CUT + LOUD, 40.0
+    assert all(told(room(60), loud, leapt=(60, 61), unheard=range(60, 65), repeating=0.4))
+
+
 @pytest.mark.parametrize(("crest", "rise", "leapt"), [(NOISE, 20.0, ()), (12.0, 20.0, ()), (12.0, 6.0, (60, 61))])
 def test_what_grew_out_of_a_hump_is_no_tool_that_enters(crest, rise, leapt):
     """What sounded before was in the cut, whether its noise lifts the level or it leaps."""
@@ -256,6 +262,8 @@ def test_a_line_that_goes_on_to_grow_came_with_no_tool(crests, enters):
     assert not any(after[:2])
     assert after[2] is not enters
     assert all(after[5:])
+    silent = [(1, AIR, CUT + crest, crest) for crest in crests]  # no noise has come
+    assert not any(told(noise, *silent, leapt=(60, 61))[60:63])
     known = told(cut(60), room(60, crest=NOISE), *growing, (20, CUT, CUT + 30.0, crests[-1]))[120:]
     assert not any(known[:3])
 
