@@ -240,7 +240,7 @@ class NaiveVibration:
             self.rise = (1.0 - a) * self.rise + a * min(line["long_rise"], line["absolute_rise"])
             arrival = line["arrival"] if line["carrier"] or self.odds >= vibrations.SURELY_OFF else 0.0
             seen = self.likeness(line, weights, arrival)
-            news = self.news(line, seen[0] * rules.chain.evidence) if seen[0] > 0.0 else -self.told
+            news = self.news(line) if seen[0] > 0.0 else -self.told
             self.told += news
         self.kinds = self.forward(seen, news, rules.chain, unforced=self.chattered or arrival > 0.8)
         risen = self.kinds[1] + self.kinds[2]
@@ -272,7 +272,7 @@ class NaiveVibration:
         self.jitter = (1.0 - gain) * self.jitter + gain * miss**2
         self.glides.append(bool(abs(self.glide) > max(1e-3, 0.4 * np.sqrt(self.jitter))))
 
-    def news(self, line: np.void, growth: float) -> float:
+    def news(self, line: np.void) -> float:
         if self.chattered:
             return 0.0
         absolute = line["absolute_rise"]
@@ -280,7 +280,7 @@ class NaiveVibration:
         risen = max(min(line["rise"] + own, line["long_rise"] + own, absolute), 0.0)
         by_chance = rayleigh.logpdf(np.exp(risen), scale=1.0 / np.sqrt(2.0 * np.log(2.0))) + risen  # of the logarithm
         tells = np.clip(-np.log(3.5) - by_chance, 0.0, 24.0) * min(line["dominance"], 1.0)
-        return float(min(tells - self.told, CONVINCING - growth))
+        return float(tells - self.told)
 
     def likeness(self, line: np.void, weights: NDArray[np.float64], arrival: float) -> NDArray[np.float64]:
         if line["growth"] >= (0.4 if self.chattered else 0.8):

@@ -18,7 +18,7 @@ from numba import njit
 
 from chatter_monitor.kernels.options import OPTIONS
 
-# No single frame says more than this.
+# What a frame looks like says no more than this; by how much it has risen may say more (`MOST_TELLING`).
 CONVINCING = 8.0
 # What is louder by so much than it has been for seconds (natural logarithm of the amplitude), in itself and beyond its
 # surroundings, has hardly been there from the start: by so much less likely for each e-fold beyond.

@@ -7,7 +7,6 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.kinds import (
-    CONVINCING,
     LOUDER,
     NOTHING,
     PRIOR,
@@ -316,7 +315,7 @@ def _heard(vibration, line, overtone, rules, weights):
     seen = _likeness(vibration, line, weights)
     # of one with sidebands they have the rest, of an overtone what it is one of
     enough = line.carrier or overtone or vibration.dominance >= SUSPECT_SHARE
-    _another_interval(vibration, seen, _news(vibration, line, seen, rules), rules, line.arrival > LOUDER, enough)
+    _another_interval(vibration, seen, _news(vibration, line, seen), rules, line.arrival > LOUDER, enough)
 
 
 @njit(**OPTIONS)
@@ -328,7 +327,7 @@ def _dominance(vibration, line):
 
 
 @njit(**OPTIONS)
-def _news(vibration, line, seen, rules):
+def _news(vibration, line, seen):
     """What its rise says that it has not said before: how loud it is by now counts once, and not when it falls again.
 
     Whatever wakes many lines, a tool that enters or a load, leaves each a share of the power: so much of it counts.
@@ -336,8 +335,8 @@ def _news(vibration, line, seen, rules):
     if vibration.chattered:
         return 0.0
     tells = min(line.dominance, 1.0) * beyond_chance(line) if seen.growth > 0.0 else 0.0
-    news = min(tells - vibration.told, CONVINCING - rules.chain.evidence * max(seen.growth, 0.0))
-    vibration.told += news
+    news = tells - vibration.told
+    vibration.told = tells
     return news
 
 

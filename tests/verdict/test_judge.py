@@ -242,8 +242,8 @@ def test_an_alarm_tells_its_sidebands(carrier_hz, told):
 
 
 def test_growth_beyond_chance_is_an_alarm_at_once():
-    """What has grown twentyfold is the alarm after two to three intervals."""
-    assert 1 <= states(*ONSET)[40:].index("self_excited") <= 2
+    """What has grown so far that chance explains it no more is the alarm with its first coherent interval."""
+    assert states(*ONSET)[40:].index("self_excited") == 0
 
 
 def test_the_alarm_tells_frequency_damping_and_why():
@@ -531,8 +531,10 @@ def test_thresholds_are_those_of_the_settings():
     count = states(*ONSET).count("self_excited")
     assert states(*ONSET, alarm_probability=0.999999).count("self_excited") < count
     assert states(*ONSET, alarm_probability=0.2, calm_probability=0.1).count("self_excited") >= count
-    assert any("begins to grow" in why for why in whys(*ONSET))
-    assert not any("begins to grow" in why for why in whys(*ONSET, warning_probability=0.9))
+    line = growing().line._replace(rise=1.2, long_rise=1.2, absolute_rise=1.2)
+    rises = [CALM] * 40 + [evidence(growing()._replace(line=line))] * 3
+    assert any("begins to grow" in why for why in whys(*rises))
+    assert not any("begins to grow" in why for why in whys(*rises, warning_probability=0.9))
     ending = [*ONSET, *[CALM] * 20]
     assert states(*ending, calm_probability=1e-9).count("self_excited") > states(*ending).count("self_excited")
     assert states(*[evidence(critical=mode(0.005))] * 2, approaching_damping=0.01)[-1] == "approaching"
