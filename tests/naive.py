@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -196,6 +197,7 @@ class NaiveVibration:
     dominance: float
     power: float
     told: float = 0.0
+    heights: list[float] = field(default_factory=lambda: [0.0])  # of the running climb
     kinds: NDArray[np.float64] = field(default_factory=lambda: np.array(PRIOR))
     alarm_for: int = 0
     chattered: bool = False
@@ -237,7 +239,9 @@ class NaiveVibration:
             own = (1.0 - a) * self.dominance * self.power + a * line["dominance"] * line["power"]
             self.power = (1.0 - a) * self.power + a * line["power"]
             self.dominance = max(own / self.power, self.dominance if self.alarm_for else 0.0)
-            self.rise = (1.0 - a) * self.rise + a * min(line["long_rise"], line["absolute_rise"])
+            rise = min(line["long_rise"], line["absolute_rise"])
+            self.rise = (1.0 - a) * self.rise + a * rise
+            self.heights = [0.0] if rise < 0.3 else [*self.heights, max(rise, self.heights[-1])]
             arrival = line["arrival"] if line["carrier"] or self.odds >= vibrations.SURELY_OFF else 0.0
             seen = self.likeness(line, weights, arrival)
             news = self.news(line) if seen[0] > 0.0 else -self.told
@@ -249,6 +253,9 @@ class NaiveVibration:
         odds = self.odds
         if glided:
             odds = min(odds, rules.odds.unknown_speed) - 6.0
+        else:
+            steps = [0.0, *np.diff(self.heights)]
+            odds += 2.0 * (sum(steps) - max(map(sum, pairwise([*steps, 0.0]))) > 1.0)
         self.unexplained = float(expit(odds + rules.odds.offset + rules.odds.dominance * self.dominance))
         before = self.alarm_for
         alarm = self.self_excited >= (rules.calm_probability if before else rules.alarm_probability)

@@ -66,6 +66,9 @@ FREQUENCY_GAIN, GLIDE_GAIN = 0.35, 0.074
 LEAST_GLIDE, SIGNIFICANT_GLIDE = 1e-3, 0.4
 GLIDING, GLIDED = 10, 100
 GLIDES = -6.0
+# What grows by itself takes its time. Below such a rise (natural logarithm) a vibration is as faint as ever; from so much
+# on, besides what has come at once, it has climbed; log odds of that.
+AS_EVER, CLIMB, CLIMBS = 0.3, 1.0, 2.0
 
 NO_LINE = -1
 
@@ -85,6 +88,9 @@ VIBRATION = np.dtype(
         ("dominance", float),  # its share of the power over some intervals; the largest while an alarm is about it
         ("power", float),  # mean of those intervals
         ("rise", float),  # by how much it is louder than it has been, averaged (natural logarithm)
+        ("height", float),  # the largest that has been since it was as faint as ever (no average)
+        ("step", float),  # by how much that has become larger with this interval
+        ("leap", float),  # and with the two intervals, one after the other, that most of it came with
         ("told", float),  # log likelihood of its rise, as far as it has been counted
         ("missed", np.int64),  # intervals since its line was heard
         ("over", np.int64),  # intervals since an alarm about it
@@ -257,6 +263,7 @@ def _begin(vibration, line):
     vibration.dominance = line.dominance
     vibration.power = line.power
     vibration.rise = vibration.told = 0.0
+    vibration.height = vibration.step = vibration.leap = 0.0
     vibration.alarm_for = 0
     vibration.chattered = False
     vibration.heard = vibration.over = 0
@@ -309,13 +316,27 @@ def _heard(vibration, line, overtone, rules, weights):
     # Where the speed wanders, a forced line is off the orders for a moment; one with sidebands is so for certain.
     if vibration.order_odds < SURELY_OFF and not line.carrier:
         line.arrival = 0.0
-    vibration.rise += AVERAGING * (min(line.long_rise, line.absolute_rise) - vibration.rise)
+    rise = min(line.long_rise, line.absolute_rise)
+    vibration.rise += AVERAGING * (rise - vibration.rise)
+    _climb(vibration, rise)
     dominance = _dominance(vibration, line)
     vibration.dominance = max(dominance, vibration.dominance) if vibration.alarm_for else dominance
     seen = _likeness(vibration, line, weights)
     # of one with sidebands they have the rest, of an overtone what it is one of
     enough = line.carrier or overtone or vibration.dominance >= SUSPECT_SHARE
     _another_interval(vibration, seen, _news(vibration, line, seen), rules, line.arrival > LOUDER, enough)
+
+
+@njit(**OPTIONS)
+def _climb(vibration, rise):
+    """Follow how it comes to its height. A force sets in at once, or a tool enters: that takes two intervals at most."""
+    if rise < AS_EVER:
+        vibration.height = vibration.step = vibration.leap = 0.0
+        return
+    step = max(rise - vibration.height, 0.0)
+    vibration.leap = max(vibration.leap, vibration.step + step)
+    vibration.height += step
+    vibration.step = step
 
 
 @njit(**OPTIONS)
@@ -377,6 +398,8 @@ def _another_interval(vibration, seen, news, rules, arrived, enough):
     if vibration.glided > 0:
         odds += GLIDES
         place = min(place, rules.odds.unknown_speed)  # if the spindle takes it along, nobody knows its speed
+    elif vibration.height - vibration.leap > CLIMB:
+        odds += CLIMBS
     odds += place
     vibration.unexplained = 1.0 / (1.0 + math.exp(-odds))
     alarmed = vibration.alarm_for > 0

@@ -394,6 +394,25 @@ def test_a_height_counts_once_and_is_taken_back():
     assert jumped([0.0] * 5 + [1.4, 0.0] * 20).kinds.risen < 0.1
 
 
+@pytest.mark.parametrize(
+    ("rises", "climbs"),
+    [
+        ([0.5, 1.0, 1.5, 2.0, 2.3], True),  # two intervals explain 1.0 of it
+        ([0.5, 1.0, 1.4, 1.9], False),
+        ([0.5, 2.5, 2.5, 2.5], False),  # a force that sets in
+        ([0.2, 1.2, 2.6, 2.7], False),  # between two intervals
+        ([0.5, 1.0, 1.5, 0.2, 2.0], False),  # it was as faint as ever meanwhile
+        ([0.5, 1.0, 0.6, 1.5, 2.0, 2.3], True),  # not as faint
+    ],
+)
+def test_what_climbs_is_hardly_forced(rises, climbs):
+    """A force sets in at once; a rise that takes more than two intervals is less likely explained by what turns."""
+    told = jumped([0.0] * 5 + rises)
+    odds = math.log(told.unexplained / (1.0 - told.unexplained))
+    at_once = jumped([0.0] * 4 + [rises[-1]] * (1 + len(rises)))
+    assert odds - math.log(at_once.unexplained / (1.0 - at_once.unexplained)) == pytest.approx(2.0 * climbs)
+
+
 @pytest.mark.parametrize(("share", "louder", "expected"), [(0.9, 10.0, 0.76), (0.9, 1.0, 0.315), (0.1, 10.0, 0.084)])
 def test_a_share_is_that_of_the_power_of_some_intervals(share, louder, expected):
     """What has nearly all power as soon as it gets loud has it from then on; a faint interval counts less."""
