@@ -66,8 +66,8 @@ FREQUENCY_GAIN, GLIDE_GAIN = 0.35, 0.074
 LEAST_GLIDE, SIGNIFICANT_GLIDE = 1e-3, 0.4
 GLIDING, GLIDED = 10, 100
 GLIDES = -6.0
-# What grows by itself takes its time. Below such a rise (natural logarithm) a vibration is as faint as ever; from so much
-# on, besides what has come at once, it has climbed; log odds of that.
+# What grows by itself takes its time. Below such a rise (natural logarithm) a vibration is as faint as ever; with so
+# much of it besides what has come at once it has climbed; log odds of that.
 AS_EVER, CLIMB, CLIMBS = 0.3, 1.0, 2.0
 
 NO_LINE = -1
@@ -329,7 +329,7 @@ def _heard(vibration, line, overtone, rules, weights):
 
 @njit(**OPTIONS)
 def _climb(vibration, rise):
-    """Follow how it comes to its height. A force sets in at once, or a tool enters: that takes two intervals at most."""
+    """Follow how it comes to its height: where a force sets in, or a tool enters, within two intervals."""
     if rise < AS_EVER:
         vibration.height = vibration.step = vibration.leap = 0.0
         return

@@ -387,7 +387,7 @@ def test_what_rises_at_once_is_soon_believed():
 
 
 def test_a_height_counts_once_and_is_taken_back():
-    """What chance may explain has to stay, and is believed no more than before if it falls; what it can not, at once."""
+    """What chance may explain has to stay, and is forgotten if it falls; what it cannot is believed at once."""
     assert jumped([0.0] * 5 + [1.4]).kinds.risen < 0.1
     assert jumped([0.0] * 5 + [1.4] * 6).kinds.risen > 0.8
     assert jumped([0.0] * 5 + [1.8]).kinds.risen > 0.99
