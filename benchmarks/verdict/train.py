@@ -158,7 +158,7 @@ def search(heard: list[Heard]) -> None:
 def main() -> None:
     """Fit the weights, print them, and write them where the monitor reads them."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cuts", type=int, default=1050)
+    parser.add_argument("--cuts", type=int, default=150)
     parser.add_argument("--cache", type=Path, help="directory that keeps the cuts")
     parser.add_argument("--write", action="store_true", help="into chatter_monitor/verdict/weights.py")
     arguments = parser.parse_args()
