@@ -121,21 +121,20 @@ class Judge:
 
     def _by_loudness(self, view: Opinion, evidence: Evidence, memory: Memory) -> Opinion:
         """What an interval of cutting is called: how loud it is makes an alarm of a warning, and ends one."""
-        told, alarm = memory.told, view.state == "self_excited"
+        told, orders, alarm = memory.told, evidence.orders, view.state == "self_excited"
         chattered = told.chattered
-        found = evidence.orders.source == "found" and not memory.found
+        found = orders.source == "found" and not memory.found
         if not alarm and (found or (chattered is not None and chattered.glided)):  # what turns explains it, or may
             self._loudness.forget()
-        suspect = _grown_suspect(told, unheard=evidence.orders.spindle_unheard)
+        suspect = _grown_suspect(told, unheard=orders.spindle_unheard)
         calm = told.overview.suspicion < self._settings.warning_probability
-        powers = evidence.power, evidence.turning
         odds = 0.0 if suspect is None else suspect.self_excited / max(1.0 - suspect.self_excited, 1e-6)
         undisturbed = memory.calm and not alarm
-        orders = evidence.orders
-        alike = orders.recurring_share, orders.repeating_share
-        times = self._irregularity.hear(evidence.rms**2, *alike, calm=undisturbed)
+        repeating = orders.repeating_share
+        times = self._irregularity.hear(evidence.rms**2, orders.recurring_share, repeating, calm=undisturbed)
         irregular = times > 0.0
-        loud = self._loudness.hear(*powers, alarm=alarm or irregular, odds=odds, calm=calm and not irregular)
+        heard = evidence.power, evidence.turning, repeating
+        loud = self._loudness.hear(*heard, alarm=alarm or irregular, odds=odds, calm=calm and not irregular)
         if irregular and not alarm:
             loudest = max(evidence.vibrations, key=lambda vibration: vibration.line.share, default=None)
             return Opinion("self_excited", LOUD_RIGHT, (reasons.irregular(times),), loudest)

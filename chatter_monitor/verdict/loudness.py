@@ -14,13 +14,15 @@ import statistics
 from collections import deque
 
 from chatter_monitor.kernels.vibrations import AVERAGING
+from chatter_monitor.verdict.irregularity import REPEATED
 
 # Seconds of calm cutting that "usual" is the median of; with fewer there is no telling.
 USUAL_S, LEAST_S = 5.0, 1.0
 # The odds that something is chatter, times how many times as loud as usual it is: from so many on, for so many seconds,
 # an alarm begins, if it is so many times as loud at all. The surer it is, the less loud it has to be.
 SURE_ENOUGH, SUSPECTED_S, LOUD = 6.0, 0.25, 4.0
-# What is so many times as loud as in the last intervals has not grown: it is another cut, or the first.
+# What is so many times as loud as in the last intervals has not grown, but where a cut was heard: it is another one, or
+# the first. A cut repeats; noise of a room does not.
 LEAP, AT_ONCE = 16.0, 2
 # An alarm as long as this, in seconds, has told how loud what chatters is.
 TELLING_S = 0.5
@@ -51,7 +53,8 @@ class Loudness:
 
     def __init__(self, interval_s: float) -> None:
         self.usual = self._usual_turning = 0.0
-        self._calm, self._turning = (deque[float](maxlen=round(USUAL_S / interval_s)) for _ in range(2))  # of this cut
+        kept = round(USUAL_S / interval_s)
+        self._calm, self._turning, self._repeating = (deque[float](maxlen=kept) for _ in range(3))  # of this cut
         self._since = 0  # how many of them, the newest, came since a leap
         self._last = deque[float](maxlen=AT_ONCE)
         self._least, self._telling = round(LEAST_S / interval_s), round(TELLING_S / interval_s)
@@ -66,6 +69,7 @@ class Loudness:
         """Nothing is cut, or a cut begins."""
         self._calm.clear()
         self._turning.clear()
+        self._repeating.clear()
         self._since = 0
         self.forget()
 
@@ -73,13 +77,15 @@ class Loudness:
         """Take what is loud as explained: no alarm goes on for it."""
         self._suspected, self._alarmed, self._now, self.rise = 0, 0, None, 0.0
 
-    def hear(self, power: float, turning: float, *, alarm: bool, odds: float, calm: bool) -> bool:
+    def hear(self, power: float, turning: float, repeating: float, *, alarm: bool, odds: float, calm: bool) -> bool:
         """Hear an interval of cutting.
 
         Parameters
         ----------
         power, turning : float
             Of what does not turn, and of what does.
+        repeating : float
+            Share of all power that repeats.
         alarm, calm : bool
             Whether a line is an alarm; or none is at all likely to be chatter: only that is usual.
         odds : float
@@ -90,7 +96,7 @@ class Loudness:
         bool
             Whether it is an alarm for its loudness.
         """
-        if self._last and power > LEAP * max(self._last):
+        if self._last and power > LEAP * max(self._last) and not self._is_cut():
             self._since = 0
         self._last.append(power)
         # of a cut that was not heard without an alarm since it leapt nobody knows what turns anyway, or how loud it is
@@ -119,7 +125,12 @@ class Loudness:
         if calm:
             self._calm.append(power)
             self._turning.append(turning)
+            self._repeating.append(repeating)
             self._since += 1
             if len(self._calm) >= self._least:
                 self.usual, self._usual_turning = statistics.median(self._calm), statistics.median(self._turning)
         return False
+
+    def _is_cut(self) -> bool:
+        """Whether what was usual so far is a cut's."""
+        return len(self._repeating) >= self._least and statistics.median(self._repeating) >= REPEATED

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from chatter_monitor.verdict.irregularity import REPEATED
 from chatter_monitor.verdict.loudness import (
     LEAP,
     LEAST_S,
@@ -23,16 +24,16 @@ CHATTER = 32.0  # times the power of a calm cut
 SUSPICIOUS = {"odds": 1.0, "calm": False}
 
 
-def hear(loudness, power, intervals=40, *, turning=0.0, **heard):
+def hear(loudness, power, intervals=40, *, turning=0.0, repeating=0.0, **heard):
     """In how many intervals of that power it is an alarm for its loudness."""
     heard = {"alarm": False, "odds": 0.0, "calm": True} | heard
-    return sum(loudness.hear(power, turning, **heard) for _ in range(intervals))
+    return sum(loudness.hear(power, turning, repeating, **heard) for _ in range(intervals))
 
 
-def after(*, calm=LEAST, alarm=TELLING, power=CHATTER, turning=0.0):
+def after(*, calm=LEAST, alarm=TELLING, power=CHATTER, turning=0.0, repeating=0.0):
     """A calm cut of power one and what turns besides, and an alarm of so many intervals."""
     loudness = Loudness(INTERVAL_S)
-    assert hear(loudness, 1.0, calm, turning=turning) == 0
+    assert hear(loudness, 1.0, calm, turning=turning, repeating=repeating) == 0
     hear(loudness, power, alarm, alarm=True)
     return loudness
 
@@ -148,6 +149,16 @@ def test_a_cut_that_begins_loud_is_only_another_cut():
 def test_what_is_loud_at_once_has_not_grown():
     """A tool that enters out of a room in which nothing else was heard to change is no chatter, however suspicious."""
     assert hear(after(alarm=0), 1.1 * LEAP, 40, **SUSPICIOUS) == 0
+
+
+@pytest.mark.parametrize(
+    ("repeating", "calm", "grown"),
+    [(1.1 * REPEATED, LEAST, True), (0.9 * REPEATED, LEAST, False), (1.1 * REPEATED, LEAST - 1, False)],
+)
+def test_out_of_a_cut_what_is_loud_at_once_has_grown(repeating, calm, grown):
+    """Where all repeated for long enough a tool was in the cut already."""
+    loudness = after(calm=calm, alarm=0, repeating=repeating)
+    assert (hear(loudness, 1.1 * LEAP, 40, **SUSPICIOUS) > 30) == grown
 
 
 def test_an_alarm_in_what_is_loud_at_once_goes_on():
