@@ -19,6 +19,7 @@ import os
 import pickle
 import subprocess
 import sys
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -97,9 +98,9 @@ RULES = (
 )  # fmt: skip
 
 
-def keep(cuts: list[Cut], directory: Path) -> None:
-    """Track cuts, with the speed known and unknown, and keep what is seen, in a file each."""
-    for number, cut in enumerate(track(cuts, description="cuts", console=Console(stderr=True))):
+def keep(cuts: Iterable[Cut], count: int, directory: Path) -> None:
+    """Track so many cuts, with the speed known and unknown, and keep what is seen, in a file each."""
+    for number, cut in enumerate(track(cuts, total=count, description="cuts", console=Console(stderr=True))):
         seen = {speed: list(evidence_of(cut, speed_known=speed == "known")) for speed in SPEEDS}
         without_samples = replace(cut, samples=np.zeros(0))
         (directory / f"{number:05d}.pickle").write_bytes(pickle.dumps((without_samples, seen)))
@@ -190,7 +191,7 @@ def main() -> None:
         print(json.dumps(score(chosen.judge)))
         return
     with TemporaryDirectory() as kept:
-        keep(list(cached_cuts(chosen.split, chosen.cuts, chosen.cache, chosen.first)), Path(kept))
+        keep(cached_cuts(chosen.split, chosen.cuts, chosen.cache, chosen.first), chosen.cuts, Path(kept))
         all_rules = _scored_apart(None, Path(kept))
         numbers = range(len(RULES)) if chosen.only is None else chosen.only
         without = {
