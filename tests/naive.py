@@ -220,15 +220,7 @@ class NaiveVibration:
         near = max(0.06, 25.0 / self.hertz) if self.missed < vibrations.FORGOTTEN else max(0.03, 6.0 / self.hertz)
         return bool(away < near)
 
-    @property
-    def chatters(self) -> bool:
-        return bool(
-            self.kinds[1] + self.kinds[2] >= 0.5 and self.odds >= vibrations.SURELY_OFF and self.dominance >= 0.2
-        )
-
-    def interval(
-        self, line: np.void | None, roots: list[float], rules: vibrations.Rules, weights: NDArray[np.float64]
-    ) -> None:
+    def interval(self, line: np.void | None, rules: vibrations.Rules, weights: NDArray[np.float64]) -> None:
         seen, news, arrival = np.array(vibrations.NOT_HEARD), 0.0, 0.0
         self.missed += 1
         if line is not None:
@@ -259,7 +251,7 @@ class NaiveVibration:
         self.unexplained = float(expit(odds + rules.odds.offset + rules.odds.dominance * self.dominance))
         before = self.alarm_for
         alarm = self.self_excited >= (rules.calm_probability if before else rules.alarm_probability)
-        rest = line is not None and (line["carrier"] or any(abs(self.hertz / root - 1.0) < 0.01 for root in roots))
+        rest = line is not None and line["carrier"]
         alarm = alarm and (self.chattered or rest or self.dominance >= 0.2)
         self.alarm_for = before + 1 if alarm else 0
         self.over = 0 if alarm else self.over + 1
@@ -356,12 +348,11 @@ def follow_all(
     for _, _, v, n in sorted(away):
         if v not in own and n not in own.values():
             own[v] = n
-    roots = [times * v.hertz for v in before if v.chatters for times in (2, 3)]
     for v, vibration in enumerate(before):
-        vibration.interval(lines[own[v]] if v in own else None, roots, rules, weights)
+        vibration.interval(lines[own[v]] if v in own else None, rules, weights)
     for line in (line for n, line in enumerate(lines) if n not in own.values()):
         before.append(NaiveVibration(line["frequency_hz"], line["order_odds"], line["dominance"], line["power"]))
-        before[-1].interval(line, [], rules, weights)
+        before[-1].interval(line, rules, weights)
     return sorted((v for v in before if v.chattered or v.missed < vibrations.FORGOTTEN), key=lambda v: -v.self_excited)
 
 

@@ -43,8 +43,6 @@ DIED_DOWN = -0.7
 
 # Chatter takes the power: what has risen and takes less than so much of it is hardly ever chatter.
 SUSPECT_SHARE = 0.2
-# An overtone of what chatters is this near to a multiple of it, relatively.
-OVERTONE, OVERTONES = 0.01, (2, 3)
 # Where no comb is known a line may be a multiple, up to so many times, of one that is steady for certain: if that would
 # be within so much (Hz) of the steady one, it is forced as well, unless chance would have it there as soon.
 MULTIPLES, MULTIPLE_HZ, SURELY_STEADY = 8, 1.5, 0.9
@@ -175,8 +173,7 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
             line = lines[vibration.line]
             if line.order_odds == rules.odds.unknown_speed:
                 line.order_odds = min(line.order_odds, _multiple_odds(line.frequency_hz, vibrations[:known]))
-            overtone = _is_overtone(line, vibrations[:known])
-            _heard(vibration, line, overtone, rules, weights)
+            _heard(vibration, line, rules, weights)
         if vibration.missed < FORGOTTEN or vibration.chattered:
             count += 1
     for i in range(lines.shape[0]):
@@ -184,7 +181,7 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
             vibration = work[count]
             _begin(vibration, lines[i])
             vibration.line = i
-            _heard(vibration, lines[i], False, rules, weights)
+            _heard(vibration, lines[i], rules, weights)
             count += 1
     for i in range(count):
         place = i
@@ -273,19 +270,6 @@ def _begin(vibration, line):
 
 
 @njit(**OPTIONS)
-def _is_overtone(line, vibrations):
-    """Whether it is a multiple of what had risen in the interval before, off the orders for certain, with the power."""
-    for i in range(vibrations.shape[0]):
-        other = vibrations[i]
-        risen = other.growing + other.saturated >= 0.5
-        if risen and other.order_odds >= SURELY_OFF and other.dominance >= SUSPECT_SHARE:
-            for times in OVERTONES:
-                if abs(line.frequency_hz / (times * other.frequency_hz) - 1.0) < OVERTONE:
-                    return True
-    return False
-
-
-@njit(**OPTIONS)
 def _multiple_odds(frequency_hz, vibrations):
     """Log odds for self-excitation of what is at this frequency, by the steady vibrations it is a multiple of.
 
@@ -307,8 +291,8 @@ def _multiple_odds(frequency_hz, vibrations):
 
 
 @njit(**OPTIONS)
-def _heard(vibration, line, overtone, rules, weights):
-    """An interval in which this line of a vibration was heard, which may be an overtone of another."""
+def _heard(vibration, line, rules, weights):
+    """An interval in which this line of a vibration was heard."""
     vibration.missed = 0
     vibration.frequency_hz = line.frequency_hz
     _glide(vibration, rules.unheard)
@@ -322,8 +306,8 @@ def _heard(vibration, line, overtone, rules, weights):
     dominance = _dominance(vibration, line)
     vibration.dominance = max(dominance, vibration.dominance) if vibration.alarm_for else dominance
     seen = _likeness(vibration, line, weights)
-    # of one with sidebands they have the rest, of an overtone what it is one of
-    enough = line.carrier or overtone or vibration.dominance >= SUSPECT_SHARE
+    # of one with sidebands they have the rest
+    enough = line.carrier or vibration.dominance >= SUSPECT_SHARE
     _another_interval(vibration, seen, _news(vibration, line, seen), rules, line.arrival > LOUDER, enough)
 
 

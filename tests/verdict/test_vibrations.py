@@ -19,14 +19,12 @@ from chatter_monitor.kernels.vibrations import (
     Rules,
     follow_all,
 )
-from chatter_monitor.records import Flag
-from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.spectrum import Line
-from chatter_monitor.verdict.evidence import Evidence, Place, Vibration
+from chatter_monitor.verdict.evidence import Place, Vibration
 from chatter_monitor.verdict.vibrations import Following, lines_of
 from tests import naive
-from tests.verdict.hearing import heard
+from tests.verdict.hearing import heard, interval
 
 RULES = Rules(alarm_probability=0.8, calm_probability=0.5)
 # Rising and coherent is growth, coherent and steady is calm.
@@ -166,15 +164,6 @@ def test_a_line_belongs_to_the_vibration_that_is_nearest():
     assert sorted(one[["frequency_hz", "glided", "missed"]].tolist()) == [(1005.0, 49, 0), (1050.0, 0, 1)]
 
 
-def interval(*frequencies_hz, rising=True):
-    behaviour = (0.7, 60.0, 2.3, 3.0, 3.0) if rising else (0.02, 0.0, 0.0, 0.0, 0.0)
-    vibrations = heard(*(Vibration(Line(hertz, 0.9, 35.0, *behaviour, 0.99), None) for hertz in frequencies_hz))
-    orders = Orders(0, None, None, None, 0.0)
-    return Evidence(
-        None, vibrations, orders, Margin(), cutting=True, held=False, starting=False, rms=1.0, flags=Flag.NONE
-    )
-
-
 def test_each_is_told_with_the_line_that_is_its_own():
     """However the lines are sorted, each vibration is told with the one near it, and with none when it is silent."""
     following = Following()
@@ -307,27 +296,6 @@ def test_what_begins_to_chatter_takes_the_power(dominance, alarm_for, alarm):
     known["frequency_hz"], known["saturated"], known["order_odds"], known["power"] = 475.0, 1.0, 2.9, 1.0
     known["dominance"], known["alarm_for"], known["chattered"] = dominance, alarm_for, alarm_for > 0
     assert (followed(known, lines)["alarm_for"] > 0).tolist() == [alarm]
-
-
-@pytest.mark.parametrize(
-    ("root_hz", "place", "risen", "alarm"),
-    [
-        (237.0, 2.9, 0.9, True),
-        (159.0, 2.9, 0.9, True),
-        (250.0, 2.9, 0.9, False),
-        (237.0, 0.0, 0.9, False),
-        (237.0, 2.9, 0.1, False),
-    ],
-)
-def test_of_an_overtone_what_chatters_has_the_rest_of_the_power(root_hz, place, risen, alarm):
-    """A tenth of the power is enough for what is a multiple of what has risen off the orders with the rest."""
-    lines = lines_of(interval(475.0), Odds())
-    lines["dominance"], lines["order_odds"], lines["power"] = 0.1, 2.9, 1.0
-    known = np.zeros(2, VIBRATION)
-    known["frequency_hz"], known["order_odds"], known["power"] = [475.0, root_hz], [2.9, place], 1.0
-    known["saturated"], known["dominance"], known["glided"] = [1.0, risen], [0.1, 0.9], [0, 50]
-    after = followed(known, lines)
-    assert (after["alarm_for"][after["frequency_hz"] == 475.0] > 0).tolist() == [alarm]
 
 
 @pytest.mark.parametrize(
