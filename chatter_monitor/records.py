@@ -205,7 +205,7 @@ class Advice(msgspec.Struct, frozen=True):
 
 
 class Event(Message, frozen=True, tag="event"):
-    """Something that happened and ended, such as a stretch of chatter."""
+    """Something that happened and ended, such as a stretch of chatter; ``withdrawn`` if it turned out to be none."""
 
     id: str
     channel: int
@@ -217,6 +217,7 @@ class Event(Message, frozen=True, tag="event"):
     advice: list[Advice] = []
     remedy: str = ""
     recording: str | None = None
+    withdrawn: bool = False
 
 
 class Mismatch(Message, frozen=True, tag="mismatch"):

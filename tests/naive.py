@@ -215,6 +215,11 @@ class NaiveVibration:
     def self_excited(self) -> float:
         return float(self.kinds[1] + self.kinds[2]) * self.unexplained
 
+    @property
+    def glided(self) -> bool:
+        last = self.glides[-109:]
+        return any(all(last[i : i + 10]) for i in range(len(last) - 9))
+
     def is_it(self, line: np.void) -> bool:
         away = abs(np.log(line["frequency_hz"] / self.hertz))
         near = max(0.06, 25.0 / self.hertz) if self.missed < vibrations.FORGOTTEN else max(0.03, 6.0 / self.hertz)
@@ -225,12 +230,16 @@ class NaiveVibration:
         self.missed += 1
         if line is not None:
             self.missed, self.hertz = 0, line["frequency_hz"]
+            had_glided = self.glided
             self.follow_frequency()
+            if had_glided and not self.glided:
+                self.kinds, self.chattered = np.array(vibrations.CALMED), False
             self.odds += vibrations.AVERAGING * (line["order_odds"] - self.odds)
             a = vibrations.AVERAGING
             own = (1.0 - a) * self.dominance * self.power + a * line["dominance"] * line["power"]
             self.power = (1.0 - a) * self.power + a * line["power"]
-            self.dominance = max(own / self.power, self.dominance if self.alarm_for else 0.0)
+            keeps = self.alarm_for and self.odds > vibrations.SURELY_ON
+            self.dominance = max(own / self.power, self.dominance if keeps else 0.0)
             rise = min(line["long_rise"], line["absolute_rise"])
             self.rise = (1.0 - a) * self.rise + a * rise
             self.heights = [0.0] if rise < 0.3 else [*self.heights, max(rise, self.heights[-1])]
@@ -240,10 +249,8 @@ class NaiveVibration:
             self.told += news
         self.kinds = self.forward(seen, news, rules.chain, unforced=self.chattered or arrival > 0.8)
         risen = self.kinds[1] + self.kinds[2]
-        last = self.glides[-109:]
-        glided = any(all(last[i : i + 10]) for i in range(len(last) - 9))
         odds = self.odds
-        if glided:
+        if self.glided:
             odds = min(odds, rules.odds.unknown_speed) - 6.0
         else:
             steps = [0.0, *np.diff(self.heights)]

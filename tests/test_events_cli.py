@@ -143,6 +143,14 @@ def test_list(run, directory):
     assert run("events", "list", directory)[1] == out
 
 
+def test_a_withdrawn_alarm_is_listed_as_such(run, directory):
+    """Who looks through the list need not open it."""
+    path = directory / A / f"{A}.json"
+    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | {"withdrawn": True}), encoding="utf-8")
+    _, out, _ = run("events", directory)
+    assert [row.split()[9:] for row in out.splitlines() if row.startswith(A)] == [["withdrawn"]]
+
+
 def test_list_as_json(run, directory):
     """With --json the list is one object with the events' fields, their folders, sizes and protection."""
     code, out, _ = run("events", "--json", directory)

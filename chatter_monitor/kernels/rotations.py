@@ -74,7 +74,7 @@ def growth(rotations: np.ndarray, repeats: Repeats) -> float:
     if abs(lag - rotations[LAG]) > SAME_LAG * lag:
         rotations[:] = 0.0
     step = repeats.louder[0] / lag
-    had_grown = rotations[GROWTH] >= GROWN
+    had_grown = rotations[GROWTH] >= GROWN and rotations[ALONE] == 1.0
     rotations[LAG] = lag
     rotations[FRAMES] += 1.0
     rotations[GROWTH] += step

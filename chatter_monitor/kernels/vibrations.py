@@ -51,8 +51,9 @@ LARGEST_CHANCE = 0.1
 FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
 # Of a vibration that has chattered and does no more.
 CALMED = Kinds(noise=1.0 - 6e-4, growing=2e-4, saturated=2e-4, steady=2e-4)
-# Log odds by its place, averaged, of what is off the orders for more than a moment, where these are told apart.
-SURELY_OFF = 1.0
+# Log odds by its place, averaged, of what is off the orders for more than a moment, where these are told apart; and on
+# one, likewise.
+SURELY_OFF, SURELY_ON = 1.0, -1.0
 # Weight of an interval in the averages of odds and power, which are over a few intervals.
 AVERAGING = 0.35
 
@@ -83,7 +84,7 @@ VIBRATION = np.dtype(
         ("chattered", np.bool_),  # whether there has been one within the last minute
         ("line", np.int64),  # its line in this interval
         ("order_odds", float),  # log odds by its place among the orders, averaged
-        ("dominance", float),  # its share of the power over some intervals; the largest while an alarm is about it
+        ("dominance", float),  # its share of the power over some intervals; the largest in an alarm, off the orders
         ("power", float),  # mean of those intervals
         ("rise", float),  # by how much it is louder than it has been, averaged (natural logarithm)
         ("height", float),  # the largest that has been since it was as faint as ever (no average)
@@ -304,7 +305,9 @@ def _heard(vibration, line, rules, weights):
     vibration.rise += AVERAGING * (rise - vibration.rise)
     _climb(vibration, rise)
     dominance = _dominance(vibration, line)
-    vibration.dominance = max(dominance, vibration.dominance) if vibration.alarm_for else dominance
+    # what it had of a power that no order had been taken out of says nothing of what is on one
+    keeps = vibration.alarm_for > 0 and vibration.order_odds > SURELY_ON
+    vibration.dominance = max(dominance, vibration.dominance) if keeps else dominance
     seen = _likeness(vibration, line, weights)
     # of one with sidebands they have the rest
     enough = line.carrier or vibration.dominance >= SUSPECT_SHARE
@@ -349,7 +352,8 @@ def _news(vibration, line, seen):
 def _glide(vibration, unheard):
     """Follow its frequency, and tell whether that glides: an alpha-beta filter of its logarithm.
 
-    That is remembered for a while, or until the spindle is heard again, if it is not.
+    That is remembered for a while, or until the spindle is heard again, if it is not. Whatever it had risen by then is
+    explained; it would have to rise anew.
     """
     miss = math.log(vibration.frequency_hz) - vibration.place - vibration.glide
     vibration.heard += 1
@@ -363,6 +367,15 @@ def _glide(vibration, unheard):
         vibration.glided = GLIDED
     elif vibration.glided > 0 and not unheard:
         vibration.glided -= 1
+        if vibration.glided == 0:
+            _explain(vibration)
+
+
+@njit(**OPTIONS)
+def _explain(vibration):
+    """Take it for something that turns: it has not chattered, nor risen by itself."""
+    _set_kinds(vibration, CALMED)
+    vibration.chattered = False
 
 
 @njit(**OPTIONS)

@@ -161,10 +161,11 @@ class Timeline(Outlet):
             console.print(self._table(stretches))
             for event in self.events:
                 if event.channel == channel:
+                    what = "Alarm, withdrawn," if event.withdrawn else "Chatter"
                     console.print(
-                        f"  Chatter from {event.onset_s:.2f} s to {event.end_s:.2f} s at "
+                        f"  {what} from {event.onset_s:.2f} s to {event.end_s:.2f} s at "
                         f"{event.peak_frequency_hz:.0f} Hz; least damping {100 * event.min_damping_ratio:.2f} %.",
-                        style="bold red",
+                        style="bold" if event.withdrawn else "bold red",
                         highlight=False,
                     )
             for mismatch in self.mismatches:

@@ -38,8 +38,11 @@ def event_page(recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: ND
     lasted_s = recorded.end_s - recorded.onset_s
     alarms = [v for v in verdicts if v.state == "self_excited"]
     sure = np.median([v.confidence for v in alarms])
+    what, did, state = (
+        ("Withdrawn alarm", "there was", "forced") if recorded.withdrawn else ("Chatter", "the cut fed", "self_excited")
+    )
     told = (
-        f"on {recorded.machine}, channel {recorded.channel}: for {lasted_s:.1f} s the cut fed a vibration at "
+        f"on {recorded.machine}, channel {recorded.channel}: for {lasted_s:.1f} s {did} a vibration at "
         f"{recorded.peak_frequency_hz:.0f} Hz. {_remedy(recorded)}"
     )
     speed_rpm = recorded.settings.get("spindle", {}).get("speed_rpm")
@@ -52,10 +55,10 @@ def event_page(recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: ND
         ("spindle", "unknown" if speed_rpm is None else f"{speed_rpm:.0f} rpm"),
     ]
     parts = [
-        f"<h1>Chatter at {recorded.peak_frequency_hz:.0f} Hz</h1>",
+        f"<h1>{what} at {recorded.peak_frequency_hz:.0f} Hz</h1>",
         f'<p class="soft">{text(recorded.machine)}, {text(recorded.onset_utc[:19].replace("T", " "))} UTC, '
         f"{text(recorded.id)}</p>",
-        answer("Chatter", told, STATES["self_excited"].colour),
+        answer(what, told, STATES[state].colour),
         numbers(named),
         picture(
             _figure(recorded, verdicts, samples),
@@ -64,12 +67,12 @@ def event_page(recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: ND
         ),
         "<h2>What to change</h2>",
         _changes(recorded),
-        "<h2>Why it is called chatter</h2>",
+        f"<h2>Why it {'was' if recorded.withdrawn else 'is'} called chatter</h2>",
         "<ul>" + "".join(f"<li>{text(reason)}</li>" for reason in alarms[0].reasons) + "</ul>",
         "<h2>The recording</h2>",
         _about(recorded),
     ]
-    return page(f"Chatter at {recorded.peak_frequency_hz:.0f} Hz, {recorded.machine}", parts)
+    return page(f"{what} at {recorded.peak_frequency_hz:.0f} Hz, {recorded.machine}", parts)
 
 
 def _remedy(recorded: RecordedEvent) -> str:

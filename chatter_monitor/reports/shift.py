@@ -112,7 +112,7 @@ def shift_page(shift: Shift, title: str, source: str) -> str:
     title, source : str
         What the page is called, and where its numbers come from.
     """
-    chattered = sum(e.event.end_s - e.event.onset_s for e in shift.events)
+    chattered = sum(e.event.end_s - e.event.onset_s for e in shift.events if not e.event.withdrawn)
     heading = [f"<h1>{text(title)}</h1>", f'<p class="soft">{text(source)}</p>']
     heading.append(_answer(shift, chattered))
     parts = [*heading]
@@ -150,9 +150,10 @@ def shift_page(shift: Shift, title: str, source: str) -> str:
 
 
 def _answer(shift: Shift, chattered: float) -> str:
-    count = len(shift.events)
+    chatter = [listed for listed in shift.events if not listed.event.withdrawn]
+    count = len(chatter)
     if count:
-        worst = max(shift.events, key=lambda e: e.event.end_s - e.event.onset_s)
+        worst = max(chatter, key=lambda e: e.event.end_s - e.event.onset_s)
         events = "1 event" if count == 1 else f"{count} events"
         told = (
             f"{duration(chattered)} in {events}; the longest began at {worst.when} and was at "
@@ -162,7 +163,14 @@ def _answer(shift: Shift, chattered: float) -> str:
     if any(seconds.get("unknown", 0.0) > 0.1 * sum(seconds.values()) for seconds in shift.seconds.values()):
         told = "but for much of the time nothing could be said."
         return answer("No chatter was heard,", told, STATES["unknown"].colour)
-    return answer("No chatter.", "", STATES["stable"].colour)
+    told = f"Alarms that were withdrawn: {len(shift.events)}." if shift.events else ""
+    return answer("No chatter.", told, STATES["stable"].colour)
+
+
+def _try(event: Event) -> str:
+    if event.withdrawn:
+        return "nothing: withdrawn"
+    return ", ".join(f"{advice.spindle_rpm:.0f} rpm" for advice in event.advice) or "less depth of cut"
 
 
 def _events(events: Iterable[ListedEvent]) -> list[str]:
@@ -173,7 +181,7 @@ def _events(events: Iterable[ListedEvent]) -> list[str]:
             duration(listed.event.end_s - listed.event.onset_s),
             f"{listed.event.peak_frequency_hz:.0f} Hz",
             f"{100 * listed.event.min_damping_ratio:.2f} %",
-            ", ".join(f"{advice.spindle_rpm:.0f} rpm" for advice in listed.event.advice) or "less depth of cut",
+            _try(listed.event),
         )
         for listed in events
     ]

@@ -71,6 +71,7 @@ def _remarks(entry: Entry) -> str:
     if recorded is None:
         remarks.append("its JSON cannot be read")
     else:
+        remarks += ["withdrawn"] if recorded.withdrawn else []
         remarks += ["truncated"] if recorded.truncated else []
         remarks += ["samples missing"] if recorded.missing_samples else []
     return ", ".join(remarks)

@@ -79,8 +79,9 @@ class Story(Outlet):
             case Event():
                 self._alarmed.discard(message.channel)
                 _log.warning(
-                    "channel %d: chatter is over after %.2f s, event %s: %.0f Hz, least damping %.2f %%",
+                    "channel %d: %s after %.2f s, event %s: %.0f Hz, least damping %.2f %%",
                     message.channel,
+                    "the alarm is withdrawn" if message.withdrawn else "chatter is over",
                     message.end_s - message.onset_s,
                     message.id,
                     message.peak_frequency_hz,

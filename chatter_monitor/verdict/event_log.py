@@ -9,10 +9,11 @@ from chatter_monitor.records import Event, Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict.advice import advise
 from chatter_monitor.verdict.opinion import SAME_VIBRATION
-from chatter_monitor.verdict.reasons import DOUBTED
+from chatter_monitor.verdict.reasons import DOUBTED, WITHDRAWN
 
 # Advice rests on the speed and the teeth, and neither is what was told, most likely.
 TELL_THE_SPEED = Recommendation((), f"tell the spindle's speed and teeth: {DOUBTED}")
+NOTHING_TO_DO = Recommendation((), f"nothing: {WITHDRAWN}")
 
 
 class EventLog:
@@ -43,10 +44,10 @@ class EventLog:
             return None
         if verdict.state == "unknown":  # deaf for a moment: neither goes on nor ends
             return None
-        return self.finish(verdict.channel)
+        return self.finish(verdict.channel, withdrawn=WITHDRAWN in verdict.reasons)
 
-    def finish(self, channel: int) -> Event | None:
-        """End the event that is under way on a channel, if there is one."""
+    def finish(self, channel: int, *, withdrawn: bool = False) -> Event | None:
+        """End the event that is under way on a channel, if there is one; it may turn out to have been none."""
         intervals = self._intervals.pop(channel, [])
         if not intervals:
             return None
@@ -61,7 +62,12 @@ class EventLog:
         usual_hz = statistics.median(hertz for _, hertz in heard)
         lasting = [(damping, hertz) for damping, hertz in heard if abs(hertz - usual_hz) <= SAME_VIBRATION * usual_hz]
         damping_ratio, frequency_hz = min(lasting or heard)
-        recommendation = TELL_THE_SPEED if DOUBTED in intervals[-1].reasons else advise(frequency_hz, self._spindle)
+        if withdrawn:
+            recommendation = NOTHING_TO_DO
+        elif DOUBTED in intervals[-1].reasons:
+            recommendation = TELL_THE_SPEED
+        else:
+            recommendation = advise(frequency_hz, self._spindle)
         self._count += 1
         return Event(
             id=f"{self._prefix}-{channel}-{self._count:04d}",
@@ -73,4 +79,5 @@ class EventLog:
             min_damping_ratio=damping_ratio,
             advice=list(recommendation.speeds),
             remedy=recommendation.text,
+            withdrawn=withdrawn,
         )

@@ -19,6 +19,7 @@ from chatter_monitor.verdict.loudness import Loudness
 from chatter_monitor.verdict.opinion import Memory, Opinion, entering, is_undamped, opinion, stands_for
 from chatter_monitor.verdict.settings import JudgeSettings
 from chatter_monitor.verdict.vibrations import Followed, Following, Told, repeating_share, steady_share
+from chatter_monitor.verdict.withdrawal import Withdrawal
 
 # States in which a cut has no margin: none is made, nothing is known, or there is nothing left of it.
 WITHOUT_MARGIN = ("idle", "unknown", "self_excited")
@@ -56,6 +57,7 @@ class Judge:
         self._loudness = Loudness(interval_s)
         self._irregularity = Irregularity(interval_s)
         self._arrival = Arrival(interval_s)
+        self._withdrawal = Withdrawal()
 
     def set_thresholds(self, settings: JudgeSettings) -> None:
         """Judge by other thresholds, from the next interval on; what is remembered stays."""
@@ -84,7 +86,8 @@ class Judge:
             view = entering(memory, settings)
         else:
             memory = self._follow(memory, evidence)
-            view = self._by_loudness(opinion(evidence, memory, settings), evidence, memory)
+            view = self._withdrawn(opinion(evidence, memory, settings), evidence, memory)
+            view = self._by_loudness(view, evidence, memory)
             self._arrival.hear(evidence.rms**2, alarm=view.state == "self_excited")
         undamped = view.state != "unknown" and is_undamped(evidence, settings)
         since_alarm = 0.0 if view.state == "self_excited" else memory.since_alarm + 1.0
@@ -118,6 +121,15 @@ class Judge:
         self._arrival.rest()
         self._loudness.rest()
         self._irregularity.rest()
+
+    def _withdrawn(self, view: Opinion, evidence: Evidence, memory: Memory) -> Opinion:
+        """What an interval of cutting is called, with a word about the alarm before it if that was wrong."""
+        by_line, goes_on = view.state == "self_excited", memory.since_alarm == 0.0
+        if not self._withdrawal.hear(evidence.orders, memory.told, by_line=by_line, goes_on=goes_on):
+            return view
+        self._following.withdraw()
+        self._loudness.forget()
+        return view._replace(reasons=(reasons.WITHDRAWN, *view.reasons))
 
     def _by_loudness(self, view: Opinion, evidence: Evidence, memory: Memory) -> Opinion:
         """What an interval of cutting is called: how loud it is makes an alarm of a warning, and ends one."""

@@ -11,6 +11,8 @@ from chatter_monitor.verdict.vibrations import Followed
 
 # Said of every interval in which something is cut.
 DOUBTED = "what turns is not at the spindle speed that was told"
+# Said once, in the interval after an alarm.
+WITHDRAWN = "the alarm is withdrawn, for what it was about came at once and is on an order of what is heard to turn now"
 
 
 def warned(suspect: Followed) -> str:

@@ -69,6 +69,17 @@ def test_a_tool_that_enters_has_not_grown(gain):
     assert listen(cut(1.7, gain, louder=1)).max() == 0.0
 
 
+def test_what_has_stopped_growing_before_it_stood_alone_has_not_grown():
+    """It gets 1.6 e-folds louder beside its copy within the rotation, and goes on without that, as loud as it is."""
+    one, rotations = wave(ROTATION, 1), np.arange(14)
+    grown = np.exp(0.28 * np.clip(rotations - CALM, 0, 6) + 1.7j * rotations)
+    alone = np.concatenate([(turn * one).real for turn in grown])
+    beside = 0.9 * np.roll(alone, ROTATION // 2) * (np.arange(len(alone)) < 10 * ROTATION)
+    room = 0.02 * np.random.default_rng(7).standard_normal(len(alone))
+    assert listen(alone + room).max() > GROWN
+    assert listen(alone + beside + room).max() == 0.0
+
+
 @pytest.mark.parametrize("teeth", [2, 5])
 def test_what_repeats_within_a_rotation_is_not_for_this(teeth):
     """Out of step and louder from tooth to tooth: lines so far apart are told one by one."""

@@ -12,15 +12,16 @@ import pytest
 
 from chatter_monitor.acquisition.recording import Recording
 from chatter_monitor.config import load
+from chatter_monitor.outlets.dashboard import words
 from chatter_monitor.outlets.dashboard.drawing import Drawing
 from chatter_monitor.outlets.dashboard.place import Place, open_place
 from chatter_monitor.outlets.dashboard.plane import height
 from chatter_monitor.outlets.dashboard.screen import Screen
 from chatter_monitor.outlets.dashboard.spectrogram import LOWEST_DB, ROWS_PER_OCTAVE
-from chatter_monitor.outlets.dashboard.words import evidence
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Event, Health, Verdict
 from chatter_monitor.service.replay import Replay
+from tests.messages import event
 from tests.replaying import REPLAY_DATA
 from tests.rrd import Rrd
 
@@ -196,6 +197,13 @@ def test_words_say_what_it_is_and_what_to_change(drawn):
     assert event.remedy in lines[1]
 
 
+def test_words_of_an_alarm_that_is_withdrawn():
+    """It was not chatter, and nothing is to be changed."""
+    happened, change = words.event(event(withdrawn=True, remedy="nothing: it is on an order"))
+    assert "an alarm that is withdrawn, for 1.00 s at 900 Hz" in happened
+    assert change == "Change: nothing: it is on an order."
+
+
 @pytest.mark.parametrize(
     ("state", "percent", "said"),
     [
@@ -209,9 +217,9 @@ def test_words_say_what_it_is_and_what_to_change(drawn):
 def test_the_margin_is_said_where_it_matters(messages, state, percent, said):
     """The words have the margin up to twice the depth, and none where the vibration is forced."""
     verdict = next(message for message in messages if isinstance(message, Verdict))
-    words = evidence(msgspec.structs.replace(verdict, state=state, margin_percent=percent))
-    assert ("depth" in words) == (said is not None)
-    assert said is None or said in words
+    told = words.evidence(msgspec.structs.replace(verdict, state=state, margin_percent=percent))
+    assert ("depth" in told) == (said is not None)
+    assert said is None or said in told
 
 
 def test_health_is_shown(drawn):

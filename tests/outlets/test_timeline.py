@@ -158,6 +158,15 @@ def test_what_a_machinist_reads():
     ]
 
 
+def test_an_alarm_that_is_withdrawn_is_told_as_such():
+    """Where an event is no chatter the sentence does not say so."""
+    timeline = Timeline(1)
+    fill(timeline, "-" * 20, 0)
+    about = {"onset_s": 0.5, "end_s": 0.9, "peak_frequency_hz": 1067.4, "min_damping_ratio": -0.0012}
+    timeline.message(event(withdrawn=True, **about))
+    assert "  Alarm, withdrawn, from 0.50 s to 0.90 s at 1067 Hz; least damping -0.12 %." in shown(timeline)
+
+
 def test_a_speed_that_is_not_believed_is_told_of():
     """In the channel that hears it, with how long."""
     timeline = Timeline(2)

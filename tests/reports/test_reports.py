@@ -115,6 +115,18 @@ def test_where_no_speed_can_be_advised(entry):
     assert told == f"N{nothing[1:]}."
 
 
+def test_an_alarm_that_was_withdrawn_is_not_called_chatter(entry):
+    """Its page says what it was, that nothing is to be changed, and why it was an alarm."""
+    nothing = "nothing: it is on an order of what turns"
+    recorded = msgspec.structs.replace(read(entry.json), advice=[], remedy=nothing, withdrawn=True)
+    alarm = verdict(recorded.onset_s, "self_excited")
+    seen = Seen(event_page(recorded, [alarm], np.ones(round(recorded.sample_rate_hz))))
+    assert f"Withdrawn alarm at {recorded.peak_frequency_hz:.0f} Hz" in seen.text
+    assert "the cut fed" not in seen.text
+    assert f"N{nothing[1:]}." in seen.text
+    assert "Why it was called chatter" in seen.text
+
+
 def test_names_are_text(event_report):
     """A machine's name with signs of markup in it is shown as it is and becomes no markup."""
     assert "lathe <3>" in event_report.text
@@ -184,6 +196,20 @@ def test_a_silent_shift_is_not_called_stable():
     quiet = Shift()
     quiet.verdict(verdict(0.0))
     assert "nothing could be said" not in Seen(shift_page(quiet, "x", "y")).text
+
+
+def test_withdrawn_alarms_are_no_chatter_of_a_shift():
+    """They are listed as such; one beside them that was not withdrawn counts alone."""
+    shift = Shift()
+    shift.verdict(verdict(0.0))
+    about = {"channel": 0, "kind": "chatter", "peak_frequency_hz": 400.0, "min_damping_ratio": -0.01}
+    shift.event(Event(id="a", onset_s=1.0, end_s=5.0, withdrawn=True, **about))
+    text = Seen(shift_page(shift, "x", "y")).text
+    assert "No chatter." in text
+    assert "Alarms that were withdrawn: 1." in text
+    assert "nothing: withdrawn" in text
+    shift.event(Event(id="b", onset_s=9.0, end_s=10.5, **about))
+    assert "1.5 s in 1 event; the longest began at 0:00:09" in Seen(shift_page(shift, "x", "y")).text
 
 
 def test_idle_time_has_no_damping_margin():

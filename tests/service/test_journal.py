@@ -85,6 +85,15 @@ def test_a_problem_is_told_once(caplog):
     ]
 
 
+def test_an_alarm_that_is_withdrawn_was_no_chatter(caplog):
+    """It ends with other words."""
+    alarm = verdict(state="self_excited", reasons=["damping 0.11 % at 898 Hz"])
+    over = event(id="a-0-0001", end_s=2.5, peak_frequency_hz=898.0, min_damping_ratio=1e-3, withdrawn=True)
+    assert told(caplog, alarm, over)[1:] == [
+        "channel 0: the alarm is withdrawn after 1.50 s, event a-0-0001: 898 Hz, least damping 0.10 %"
+    ]
+
+
 def test_chatter_is_told_when_it_begins_and_ends(caplog):
     """An alarm is told once, with its reasons, a moment of deafness in it or not; its end with what it came to."""
     stable, deaf = verdict(), verdict(state="unknown")

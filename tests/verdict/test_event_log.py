@@ -8,7 +8,7 @@ import pytest
 from chatter_monitor.records import Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict.event_log import EventLog
-from chatter_monitor.verdict.reasons import DOUBTED
+from chatter_monitor.verdict.reasons import DOUBTED, WITHDRAWN
 
 MILL = SpindleSettings(speed_rpm=1656.0, teeth=6, max_rpm=12_000.0)
 
@@ -124,3 +124,15 @@ def test_nothing_is_advised_at_a_speed_that_is_not_believed():
     assert event.advice == []
     assert "tell the spindle's speed" in event.remedy
     assert event_of(alarm, spindle=MILL).advice
+
+
+def test_an_event_that_was_none_asks_for_nothing():
+    """Where the alarm is withdrawn no speed is advised, and the remedy says so; the next one is an alarm again."""
+    alarm, after = verdict_of("self_excited", 0), verdict_of("forced", 1)
+    withdrawn = event_of(alarm, msgspec.structs.replace(after, reasons=[WITHDRAWN, "on orders"]), spindle=MILL)
+    assert withdrawn.advice == []
+    assert withdrawn.withdrawn
+    assert withdrawn.remedy.startswith("nothing: ")
+    usual = event_of(alarm, after, spindle=MILL)
+    assert usual.advice
+    assert not usual.withdrawn

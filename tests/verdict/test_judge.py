@@ -462,6 +462,22 @@ def test_no_alarm_outlasts_what_explains_it(after):
     assert "self_excited" not in states(*onset, *loud, after, *[evidence(rms=4.0, orders=after.orders)] * 20)[-20:]
 
 
+@pytest.mark.parametrize(("on_order", "is_withdrawn"), [(True, True), (False, False)])
+def test_an_alarm_is_withdrawn_when_the_spindle_explains_it(on_order, is_withdrawn):
+    """A line that came at once is on an order of the told speed when that becomes heard; and it is not remembered."""
+    told = Orders(0, 27.6, 0.4, "given", 0.0)
+    silence = [evidence(orders=told, rms=1.0)] * 40
+    before = [evidence(growing(), orders=told, rms=4.0)] * 20
+    after = [evidence(steady(on_order=on_order, share=0.3), orders=SPINDLE, rms=4.0)] * 40
+    again = [evidence(orders=SPINDLE, rms=1.0)] * 40 + [evidence(steady(share=0.3), orders=SPINDLE, rms=4.0)] * 5
+    judge = Judge(JudgeSettings())
+    seen = [judge.verdict(e, 640 * i, 640, 12_800.0) for i, e in enumerate([*silence, *before, *after, *again])]
+    assert {verdict.state for verdict in seen[50:60]} == {"self_excited"}
+    assert (reasons.WITHDRAWN in [reason for verdict in seen for reason in verdict.reasons]) is is_withdrawn
+    assert ("self_excited" in {verdict.state for verdict in seen[80:100]}) is not is_withdrawn
+    assert ("self_excited" in {verdict.state for verdict in seen[-5:]}) is not is_withdrawn
+
+
 def test_an_alarm_whose_line_glides_away_ends():
     """What excites itself stays near its mode: what changes by 3 % a second goes with a spindle, however loud it is."""
     onset = [CALM] * 40 + [evidence(growing(), rms=4.0)] * 20

@@ -153,6 +153,17 @@ def test_a_glide_is_remembered_until_the_spindle_is_heard_again(unheard, glided)
     assert vibration["glided"] == glided
 
 
+@pytest.mark.parametrize(("glided", "chattered", "saturated"), [(2, True, 1.0), (1, False, 0.0)])
+def test_what_has_risen_while_it_glided_is_explained(glided, chattered, saturated):
+    """When a glide has been long ago, what it explained is no alarm: a calm line has to rise anew."""
+    known = np.zeros(1, VIBRATION)
+    known["frequency_hz"], known["saturated"], known["chattered"], known["glided"] = 1000.0, 1.0, True, glided
+    (vibration,) = followed(known, lines_of(interval(1000.0, rising=False), Odds()))
+    assert vibration["chattered"] == chattered
+    assert vibration["saturated"] == pytest.approx(saturated, abs=0.01)
+    assert vibration["alarm_for"] == 0
+
+
 def test_a_line_belongs_to_the_vibration_that_is_nearest():
     """A suspicious one that wanders does not take the line of one that was followed there, with its own past."""
     known = np.zeros(2, VIBRATION)
@@ -391,6 +402,17 @@ def test_a_share_is_that_of_the_power_of_some_intervals(share, louder, expected)
         known = followed(known, lines)
     lines["dominance"], lines["power"] = share, louder
     assert followed(known, lines)["dominance"][0] == pytest.approx(expected, abs=0.005)
+
+
+@pytest.mark.parametrize(("place", "kept"), [(2.9, True), (-0.9, True), (-1.1, False)])
+def test_in_an_alarm_the_largest_share_counts_but_on_an_order(place, kept):
+    """Chatter may leave its power to other lines; what is on an order had its share before the order was taken out."""
+    lines = lines_of(interval(1000.0), Odds())
+    lines["dominance"], lines["power"], lines["order_odds"] = 0.2, 1.0, place
+    known = np.zeros(1, VIBRATION)
+    known["frequency_hz"], known["saturated"], known["order_odds"], known["alarm_for"] = 1000.0, 1.0, place, 5
+    known["dominance"], known["power"] = 0.9, 1.0
+    assert followed(known, lines)["dominance"][0] == pytest.approx(0.9 if kept else 0.655, abs=0.001)
 
 
 @pytest.mark.parametrize(("growth", "alarms"), [(1.0, True), (0.7, False), (0.0, False)])
