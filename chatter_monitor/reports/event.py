@@ -38,9 +38,10 @@ def event_page(recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: ND
     lasted_s = recorded.end_s - recorded.onset_s
     alarms = [v for v in verdicts if v.state == "self_excited"]
     sure = np.median([v.confidence for v in alarms])
-    what, did, state = (
-        ("Withdrawn alarm", "there was", "forced") if recorded.withdrawn else ("Chatter", "the cut fed", "self_excited")
-    )
+    if recorded.withdrawn:
+        what, did, look = "Withdrawn alarm", "there was", STATES["forced"]
+    else:
+        what, did, look = "Chatter", "the cut fed", STATES["self_excited"]
     told = (
         f"on {recorded.machine}, channel {recorded.channel}: for {lasted_s:.1f} s {did} a vibration at "
         f"{recorded.peak_frequency_hz:.0f} Hz. {_remedy(recorded)}"
@@ -58,7 +59,7 @@ def event_page(recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: ND
         f"<h1>{what} at {recorded.peak_frequency_hz:.0f} Hz</h1>",
         f'<p class="soft">{text(recorded.machine)}, {text(recorded.onset_utc[:19].replace("T", " "))} UTC, '
         f"{text(recorded.id)}</p>",
-        answer(what, told, STATES[state].colour),
+        answer(what, told, look.colour),
         numbers(named),
         picture(
             _figure(recorded, verdicts, samples),

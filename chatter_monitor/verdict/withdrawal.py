@@ -8,7 +8,7 @@ chatter slips onto orders, too, and a comb may be found in its overtones: what w
 
 from __future__ import annotations
 
-from chatter_monitor.tracking.orders import Orders
+from chatter_monitor.tracking.orders import Orders, Source
 from chatter_monitor.verdict.vibrations import Told
 
 
@@ -16,7 +16,7 @@ class Withdrawal:
     """What is known of the alarm of one channel that goes on."""
 
     def __init__(self) -> None:
-        self._heard = False
+        self._source: Source | None = None
         self._heard_since = self._climbed = False  # since the alarm began
 
     def hear(self, orders: Orders, told: Told, *, by_line: bool, goes_on: bool) -> bool:
@@ -36,9 +36,10 @@ class Withdrawal:
         bool
             Whether the alarm is withdrawn.
         """
-        heard = orders.source in ("refined", "found")
-        begins_to_be_heard, self._heard = heard and not self._heard, heard
-        self._heard_since = (self._heard_since and goes_on) or begins_to_be_heard
+        before, self._source = self._source, orders.source
+        found = orders.source == "found" and before != "found"
+        refined = orders.source == "refined" and before == "given"
+        self._heard_since = (self._heard_since and goes_on) or found or refined
         self._climbed = (self._climbed and goes_on) or (by_line and told.climbs)
         over = goes_on and not by_line
         return over and self._heard_since and not self._climbed and told.only_orders_chattered

@@ -41,13 +41,16 @@ def withdrawn(before, after, *, climbed=0.0, **at_the_end):
         (GIVEN, FOUND, True),
         (GIVEN, GIVEN, False),
         (NONE, NONE, False),
+        (REFINED, FOUND, True),
+        (FOUND, FOUND, False),
         (FOUND, REFINED, False),
+        (NONE, REFINED, False),
         (REFINED, REFINED, False),
         (REFINED, GIVEN, False),
     ],
 )
 def test_it_takes_a_spindle_that_was_not_heard_before(before, after, is_withdrawn):
-    """What was an alarm although its order was known already is one."""
+    """What was an alarm although its order was known already is one; a speed that comes out of memory is not heard."""
     assert withdrawn(before, after) is is_withdrawn
 
 
