@@ -8,7 +8,15 @@ from numba import njit
 from chatter_monitor.kernels.kinds import coherence_damping, steady_share
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.testimony import witness
-from chatter_monitor.kernels.vibrations import NO_LINE, SUSPECT_SHARE, follow_all, suspicion_of
+from chatter_monitor.kernels.vibrations import (
+    NO_LINE,
+    SURELY_ON,
+    SUSPECT_SHARE,
+    chattered_just_now,
+    climbs,
+    follow_all,
+    suspicion_of,
+)
 
 NONE = -1
 
@@ -96,6 +104,27 @@ def forced_at(vibrations, frequency_hz, reach):
         if forced > 0.5 and abs(math.log(vibration.frequency_hz / frequency_hz)) < reach:
             return True
     return False
+
+
+@njit(**OPTIONS)
+def alarm_climbs(vibrations):
+    """Whether any that an alarm is about has come to its height by and by."""
+    climbing = False
+    for i in range(vibrations.shape[0]):
+        climbing |= vibrations[i].alarm_for > 0 and climbs(vibrations[i])
+    return climbing
+
+
+@njit(**OPTIONS)
+def only_orders_chattered(vibrations):
+    """Whether an alarm was about any just now, and all of these are on orders."""
+    orders = 0
+    for i in range(vibrations.shape[0]):
+        if chattered_just_now(vibrations[i]):
+            if vibrations[i].order_odds >= SURELY_ON:
+                return False
+            orders += 1
+    return orders > 0
 
 
 @njit(**OPTIONS)

@@ -202,11 +202,16 @@ def suspicion_of(vibration):
 @njit(**OPTIONS)
 def _chattered_just_now(vibrations, known):
     """Whether there has been an alarm within the last intervals, about whichever."""
-    over = JUST_NOW
+    just_now = False
     for i in range(known):
-        if vibrations[i].chattered:
-            over = min(over, vibrations[i].over)
-    return over < JUST_NOW
+        just_now |= chattered_just_now(vibrations[i])
+    return just_now
+
+
+@njit(**OPTIONS)
+def chattered_just_now(vibration):
+    """Whether there has been one about this vibration."""
+    return vibration.chattered and vibration.over < JUST_NOW
 
 
 @njit(**OPTIONS)
@@ -327,6 +332,12 @@ def _climb(vibration, rise):
 
 
 @njit(**OPTIONS)
+def climbs(vibration):
+    """Whether it has come to its height by and by."""
+    return vibration.height - vibration.leap > CLIMB
+
+
+@njit(**OPTIONS)
 def _dominance(vibration, line):
     """Its share of the power of some intervals: what gets louder soon has most of it."""
     vibration.power += AVERAGING * (line.power - vibration.power)
@@ -379,6 +390,14 @@ def _explain(vibration):
 
 
 @njit(**OPTIONS)
+def withdraw(vibrations):
+    """Take all of these that an alarm was about just now, of an array of VIBRATION, for something that turns."""
+    for i in range(vibrations.shape[0]):
+        if chattered_just_now(vibrations[i]):
+            _explain(vibrations[i])
+
+
+@njit(**OPTIONS)
 def _unheard(vibration, rules):
     """An interval in which none was."""
     vibration.missed += 1
@@ -395,7 +414,7 @@ def _another_interval(vibration, seen, news, rules, arrived, enough):
     if vibration.glided > 0:
         odds += GLIDES
         place = min(place, rules.odds.unknown_speed)  # if the spindle takes it along, nobody knows its speed
-    elif vibration.height - vibration.leap > CLIMB:
+    elif climbs(vibration):
         odds += CLIMBS
     odds += place
     vibration.unexplained = 1.0 / (1.0 + math.exp(-odds))

@@ -39,9 +39,9 @@ def event_page(recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: ND
     alarms = [v for v in verdicts if v.state == "self_excited"]
     sure = np.median([v.confidence for v in alarms])
     if recorded.withdrawn:
-        what, did, look = "Withdrawn alarm", "there was", STATES["forced"]
+        what, did, is_called, look = "Withdrawn alarm", "there was", "was called", STATES["forced"]
     else:
-        what, did, look = "Chatter", "the cut fed", STATES["self_excited"]
+        what, did, is_called, look = "Chatter", "the cut fed", "is called", STATES["self_excited"]
     told = (
         f"on {recorded.machine}, channel {recorded.channel}: for {lasted_s:.1f} s {did} a vibration at "
         f"{recorded.peak_frequency_hz:.0f} Hz. {_remedy(recorded)}"
@@ -68,7 +68,7 @@ def event_page(recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: ND
         ),
         "<h2>What to change</h2>",
         _changes(recorded),
-        f"<h2>Why it {'was' if recorded.withdrawn else 'is'} called chatter</h2>",
+        f"<h2>Why it {is_called} chatter</h2>",
         "<ul>" + "".join(f"<li>{text(reason)}</li>" for reason in alarms[0].reasons) + "</ul>",
         "<h2>The recording</h2>",
         _about(recorded),

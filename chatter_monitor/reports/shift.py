@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -112,9 +112,10 @@ def shift_page(shift: Shift, title: str, source: str) -> str:
     title, source : str
         What the page is called, and where its numbers come from.
     """
-    chattered = sum(e.event.end_s - e.event.onset_s for e in shift.events if not e.event.withdrawn)
+    chatter = [listed for listed in shift.events if not listed.event.withdrawn]
+    chattered = sum(e.event.end_s - e.event.onset_s for e in chatter)
     heading = [f"<h1>{text(title)}</h1>", f'<p class="soft">{text(source)}</p>']
-    heading.append(_answer(shift, chattered))
+    heading.append(_answer(shift, chatter, chattered))
     parts = [*heading]
     for channel, seconds in sorted(shift.seconds.items()):
         cutting = sum(seconds.get(state, 0.0) for state in CUTTING)
@@ -149,8 +150,7 @@ def shift_page(shift: Shift, title: str, source: str) -> str:
     return page(title, parts)
 
 
-def _answer(shift: Shift, chattered: float) -> str:
-    chatter = [listed for listed in shift.events if not listed.event.withdrawn]
+def _answer(shift: Shift, chatter: Sequence[ListedEvent], chattered: float) -> str:
     count = len(chatter)
     if count:
         worst = max(chatter, key=lambda e: e.event.end_s - e.event.onset_s)

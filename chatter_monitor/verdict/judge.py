@@ -19,7 +19,7 @@ from chatter_monitor.verdict.loudness import Loudness
 from chatter_monitor.verdict.opinion import Memory, Opinion, entering, is_undamped, opinion, stands_for
 from chatter_monitor.verdict.settings import JudgeSettings
 from chatter_monitor.verdict.vibrations import Followed, Following, Told, repeating_share, steady_share
-from chatter_monitor.verdict.withdrawal import Withdrawal
+from chatter_monitor.verdict.withdrawal import Withdrawal, newly_found
 
 # States in which a cut has no margin: none is made, nothing is known, or there is nothing left of it.
 WITHOUT_MARGIN = ("idle", "unknown", "self_excited")
@@ -95,7 +95,7 @@ class Judge:
             forced=view.state == "forced",
             undamped=undamped,
             since_alarm=since_alarm,
-            found=evidence.orders.source == "found",
+            source=evidence.orders.source,
         )
         return self._record(view, evidence, first_sample, samples, sample_rate_hz)
 
@@ -125,7 +125,8 @@ class Judge:
     def _withdrawn(self, view: Opinion, evidence: Evidence, memory: Memory) -> Opinion:
         """What an interval of cutting is called, with a word about the alarm before it if that was wrong."""
         by_line, goes_on = view.state == "self_excited", memory.since_alarm == 0.0
-        if not self._withdrawal.hear(evidence.orders, memory.told, by_line=by_line, goes_on=goes_on):
+        sources = memory.source, evidence.orders.source
+        if not self._withdrawal.hear(sources, memory.told, by_line=by_line, goes_on=goes_on):
             return view
         self._following.withdraw()
         self._loudness.forget()
@@ -135,7 +136,7 @@ class Judge:
         """What an interval of cutting is called: how loud it is makes an alarm of a warning, and ends one."""
         told, orders, alarm = memory.told, evidence.orders, view.state == "self_excited"
         chattered = told.chattered
-        found = orders.source == "found" and not memory.found
+        found = newly_found(memory.source, orders.source)
         if not alarm and (found or (chattered is not None and chattered.glided)):  # what turns explains it, or may
             self._loudness.forget()
         suspect = _grown_suspect(told, unheard=orders.spindle_unheard)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from chatter_monitor.kernels.vibrations import JUST_NOW
 from chatter_monitor.records import State
+from chatter_monitor.tracking.orders import Source
 from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.evidence import Evidence, Vibration, probability_below
 from chatter_monitor.verdict.settings import JudgeSettings
@@ -53,8 +54,8 @@ class Memory(NamedTuple):
         Whether its damping was surely as good as none.
     since_alarm : float
         Intervals since the last one that was called chatter.
-    found : bool
-        Whether a speed that was not told was known in the last interval.
+    source : str or None
+        How the speed was known in the last interval.
     """
 
     loudest: float = 0.0
@@ -66,7 +67,7 @@ class Memory(NamedTuple):
     forced: bool = False
     undamped: bool = False
     since_alarm: float = math.inf
-    found: bool = False
+    source: Source | None = None
 
     @property
     def calm(self) -> bool:

@@ -22,17 +22,7 @@ from chatter_monitor.kernels.kinds import LINE, Kinds
 from chatter_monitor.kernels.overview import NONE, Overview
 from chatter_monitor.kernels.swings import forget_the_last, hold_back, new_swings
 from chatter_monitor.kernels.testimony import witness
-from chatter_monitor.kernels.vibrations import (
-    CALMED,
-    CLIMB,
-    FORGOTTEN_CHATTER,
-    JUST_NOW,
-    NO_LINE,
-    SURELY_ON,
-    VIBRATION,
-    Odds,
-    Rules,
-)
+from chatter_monitor.kernels.vibrations import CALMED, FORGOTTEN_CHATTER, NO_LINE, VIBRATION, Odds, Rules, withdraw
 from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.evidence import Evidence, Heard, Vibration
 from chatter_monitor.verdict.known_orders import NOTHING_TAKEN, KnownOrders
@@ -134,14 +124,12 @@ class Told:
     @property
     def climbs(self) -> bool:
         """Whether any that an alarm is about has come to its height by and by."""
-        alarmed = self.vibrations[self.vibrations["alarm_for"] > 0]
-        return bool(np.any(alarmed["height"] - alarmed["leap"] > CLIMB))
+        return bool(kernel.alarm_climbs(self.vibrations))
 
     @property
     def only_orders_chattered(self) -> bool:
-        """Whether all that an alarm was about just now are on orders."""
-        places = self.vibrations["order_odds"][_chattered_just_now(self.vibrations)]
-        return len(places) > 0 and bool(np.all(places < SURELY_ON))
+        """Whether an alarm was about any just now, and all of these are on orders."""
+        return bool(kernel.only_orders_chattered(self.vibrations))
 
     def is_forced(self, frequency_hz: float, reach: float) -> bool:
         """Whether there is a forced vibration within so much of a frequency (natural logarithm)."""
@@ -196,34 +184,21 @@ class Following:
 
     def withdraw(self) -> None:
         """Take what an alarm was about just now for something that turns."""
-        known = self._vibrations[: self._known]
-        which = _chattered_just_now(known)
-        _calm(known, which)
-        known["chattered"][which] = False
+        withdraw(self._vibrations[: self._known])
 
     def rest(self, *, forget: bool = False) -> None:
         """Remember, while nothing is cut, only which vibrations have chattered; or forget those, too."""
         self._forget_the_last(self._swings)
         known = self._vibrations[: 0 if forget else self._known]
         known = known[known["chattered"] & (known["over"] < FORGOTTEN_CHATTER)]
-        _calm(known, slice(None))
+        for name, probability in zip(Kinds._fields, CALMED, strict=True):
+            known[name] = probability
         known["missed"] += 1
         known["over"] += 1
         known["alarm_for"] = 0
         known["line"] = NO_LINE
         self._known = len(known)
         self._vibrations[: self._known] = known
-
-
-def _chattered_just_now(known: NDArray[np.void]) -> NDArray[np.bool_]:
-    """Which of the vibrations an alarm was about within the last two seconds."""
-    return np.asarray(known["chattered"] & (known["over"] < JUST_NOW))
-
-
-def _calm(known: NDArray[np.void], which: slice | NDArray[np.bool_]) -> None:
-    """Take back what is believed of them."""
-    for name, probability in zip(Kinds._fields, CALMED, strict=True):
-        known[name][which] = probability
 
 
 def steady_share(synchronous: float, told: Told) -> float:

@@ -8,7 +8,7 @@ chatter slips onto orders, too, and a comb may be found in its overtones: what w
 
 from __future__ import annotations
 
-from chatter_monitor.tracking.orders import Orders, Source
+from chatter_monitor.tracking.orders import Source
 from chatter_monitor.verdict.vibrations import Told
 
 
@@ -16,16 +16,15 @@ class Withdrawal:
     """What is known of the alarm of one channel that goes on."""
 
     def __init__(self) -> None:
-        self._source: Source | None = None
         self._heard_since = self._climbed = False  # since the alarm began
 
-    def hear(self, orders: Orders, told: Told, *, by_line: bool, goes_on: bool) -> bool:
+    def hear(self, sources: tuple[Source | None, Source | None], told: Told, *, by_line: bool, goes_on: bool) -> bool:
         """Hear another interval of cutting.
 
         Parameters
         ----------
-        orders : Orders
-            What turns in it.
+        sources : tuple of str or None
+            How the speed was known in the interval before, and is in this one.
         told : Told
             Of its vibrations.
         by_line, goes_on : bool
@@ -36,10 +35,13 @@ class Withdrawal:
         bool
             Whether the alarm is withdrawn.
         """
-        before, self._source = self._source, orders.source
-        found = orders.source == "found" and before != "found"
-        refined = orders.source == "refined" and before == "given"
-        self._heard_since = (self._heard_since and goes_on) or found or refined
+        begins_to_be_heard = newly_found(*sources) or sources == ("given", "refined")
+        self._heard_since = (self._heard_since and goes_on) or begins_to_be_heard
         self._climbed = (self._climbed and goes_on) or (by_line and told.climbs)
         over = goes_on and not by_line
         return over and self._heard_since and not self._climbed and told.only_orders_chattered
+
+
+def newly_found(before: Source | None, now: Source | None) -> bool:
+    """Whether a comb is found that was not, of a speed that nobody told or that is not the one that was told."""
+    return now == "found" and before != "found"

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from chatter_monitor.kernels.vibrations import CLIMB, JUST_NOW, SURELY_ON, VIBRATION
-from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.vibrations import Told
 from chatter_monitor.verdict.withdrawal import Withdrawal
 
-NONE, GIVEN, FOUND, REFINED = (
-    Orders(0, None if source is None else 27.6, 0.1, source, 0.0) for source in (None, "given", "found", "refined")
-)
+NONE, GIVEN, FOUND, REFINED = None, "given", "found", "refined"
 
 
 def told(*, alarm=False, place=SURELY_ON - 1.0, climbed=0.0, over=0, others=()):
@@ -25,12 +22,12 @@ def told(*, alarm=False, place=SURELY_ON - 1.0, climbed=0.0, over=0, others=()):
 
 
 def withdrawn(before, after, *, climbed=0.0, **at_the_end):
-    """Whether an alarm that begins with the former orders is withdrawn when its line makes none, with the latter."""
+    """Whether an alarm that begins with the former speed is withdrawn when its line makes none, with the latter."""
     withdrawal = Withdrawal()
-    assert not withdrawal.hear(before, Told(), by_line=False, goes_on=False)
-    assert not withdrawal.hear(before, told(alarm=True, climbed=climbed), by_line=True, goes_on=False)
-    assert not withdrawal.hear(after, told(alarm=True, climbed=climbed), by_line=True, goes_on=True)
-    return withdrawal.hear(after, told(**at_the_end), by_line=False, goes_on=True)
+    assert not withdrawal.hear((before, before), Told(), by_line=False, goes_on=False)
+    assert not withdrawal.hear((before, before), told(alarm=True, climbed=climbed), by_line=True, goes_on=False)
+    assert not withdrawal.hear((before, after), told(alarm=True, climbed=climbed), by_line=True, goes_on=True)
+    return withdrawal.hear((after, after), told(**at_the_end), by_line=False, goes_on=True)
 
 
 @pytest.mark.parametrize(
@@ -73,11 +70,12 @@ def test_what_climbed_was_no_force_that_set_in(climbed, is_withdrawn):
 def test_each_alarm_has_a_beginning_of_its_own():
     """What was heard in the one before says nothing of the next."""
     withdrawal = Withdrawal()
-    for orders in (GIVEN, REFINED):
-        withdrawal.hear(orders, told(alarm=True, climbed=2.0 * CLIMB), by_line=True, goes_on=orders is REFINED)
-    withdrawal.hear(REFINED, Told(), by_line=False, goes_on=False)
-    withdrawal.hear(REFINED, told(alarm=True), by_line=True, goes_on=False)
-    assert not withdrawal.hear(REFINED, told(), by_line=False, goes_on=True)
-    withdrawal.hear(GIVEN, Told(), by_line=False, goes_on=False)
-    withdrawal.hear(GIVEN, told(alarm=True), by_line=True, goes_on=False)
-    assert withdrawal.hear(REFINED, told(), by_line=False, goes_on=True)
+    climbed = told(alarm=True, climbed=2.0 * CLIMB)
+    withdrawal.hear((GIVEN, GIVEN), climbed, by_line=True, goes_on=False)
+    withdrawal.hear((GIVEN, REFINED), climbed, by_line=True, goes_on=True)
+    withdrawal.hear((REFINED, REFINED), Told(), by_line=False, goes_on=False)
+    withdrawal.hear((REFINED, REFINED), told(alarm=True), by_line=True, goes_on=False)
+    assert not withdrawal.hear((REFINED, REFINED), told(), by_line=False, goes_on=True)
+    withdrawal.hear((REFINED, GIVEN), Told(), by_line=False, goes_on=False)
+    withdrawal.hear((GIVEN, GIVEN), told(alarm=True), by_line=True, goes_on=False)
+    assert withdrawal.hear((GIVEN, REFINED), told(), by_line=False, goes_on=True)
