@@ -153,9 +153,14 @@ class Orders(NamedTuple):
         return self.synchronous_share > HEARD_SHARE
 
     @property
+    def rotation_heard(self) -> bool:
+        """Whether the rotation is that of what turns now, and not what is remembered or was told."""
+        return self.source != "given" and bool(self.lines) and self.heard
+
+    @property
     def spindle_heard(self) -> bool:
-        """Whether that is the spindle, of a told speed that nothing speaks against, and not another comb alone."""
-        return self.source == "refined" and bool(self.lines) and self.heard
+        """Whether that is the spindle's, of a told speed that nothing speaks against, and not another comb's alone."""
+        return self.source == "refined" and self.rotation_heard
 
     @property
     def spindle_unheard(self) -> bool:

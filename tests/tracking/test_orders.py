@@ -188,6 +188,16 @@ def test_it_tells_when_what_turns_is_in_the_signal_again(beside, returns):
     assert told == [False] * len(before) + [returns] + [False] * (len(after) - 1)
 
 
+@pytest.mark.parametrize("spindle", [SpindleSettings(60 * TURNS_HZ, 4), UNKNOWN])
+def test_a_rotation_that_is_remembered_is_not_heard(spindle):
+    samples = np.concatenate((comb(5, TURNS_HZ, MILLING), np.zeros(at(1)))) + noise(6)
+    _, frames = take_out(samples, spindle)
+    heard = [frame.rotation_heard for frame in frames]
+    assert not heard[0]
+    assert all(heard[80:100])
+    assert not any(heard[102:])
+
+
 @pytest.mark.parametrize("off", [0.3, 0.1, 0.05])
 def test_a_vibration_beside_an_order_stays(off):
     """A vibration that starts 0.05 orders beside an order or farther keeps 80 % of its amplitude from the start on."""

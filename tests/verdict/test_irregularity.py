@@ -26,11 +26,12 @@ BURST = 4.0  # from interval to interval, up and down
 STILL_LOUD = STILL * LOUD
 
 
-def hear(irregularity, power, intervals, *, recurring=None, repeating=0.9, restless=1.0, calm=True):
+def hear(irregularity, power, intervals, *, recurring=None, repeating=0.9, restless=1.0, **now):
     """Intervals, by number, of an alarm: power swings by so many times about its mean (logarithm)."""
     swing = restless**0.5
     powers = [power * (swing if i % 2 else 1.0 / swing) for i in range(intervals)]
-    return [i for i, p in enumerate(powers) if irregularity.hear(p, recurring, repeating, calm=calm)]
+    now = {"calm": True, "turns": True} | now
+    return [i for i, p in enumerate(powers) if irregularity.hear(p, recurring, repeating, **now)]
 
 
 def calm(*, repeating=0.9, restless=1.0, intervals=ENOUGH + LEAST):
@@ -95,7 +96,7 @@ def test_what_is_heard_in_another_alarm_is_not_usual():
 def test_it_tells_how_loud_it_is():
     irregularity = calm()
     hear(irregularity, 100.0, 20, repeating=0.3, restless=BURST)
-    assert irregularity.hear(50.0, None, 0.3, calm=False) == pytest.approx(100.0)  # half of them are double, half half
+    assert irregularity.hear(50.0, None, 0.3, calm=False, turns=False) == pytest.approx(100.0)  # half of them are double, half half
 
 
 def test_silence_is_quiet():
@@ -135,6 +136,15 @@ def test_what_comes_back_no_more_and_outgrows_the_load_is_an_alarm():
 )
 def test_what_a_load_or_a_speed_can_do_is_none(usual, now, repeating):
     assert hear(regular(**usual), intervals=40, repeating=repeating, **now) == []
+
+
+def test_it_begins_only_while_the_spindle_is_heard():
+    """One that is not may turn at another speed by now: then nothing comes back where it did, through a resonance."""
+    irregularity = regular()
+    now = {"repeating": 0.6, **parts(1.0, 5.0)}
+    assert hear(irregularity, intervals=ENOUGH, turns=False, **now) == []
+    assert hear(irregularity, intervals=1, **now)
+    assert len(hear(irregularity, intervals=40, turns=False, **now)) == 40
 
 
 def test_it_goes_on_until_half_of_that_is_left():
