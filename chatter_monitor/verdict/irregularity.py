@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections import deque
+from collections.abc import Iterable
 from typing import NamedTuple
 
 # What is now is the median of so many seconds, what was usual that of up to so many before, and of so many at least.
@@ -73,7 +74,8 @@ class Irregularity:
     def __init__(self, interval_s: float) -> None:
         self._enough, self._least = round(NOW_S / interval_s), round(LEAST_S / interval_s)
         self._now, self._past = deque[Heard](), deque[Heard](maxlen=round(USUAL_S / interval_s))
-        self._usual: Heard | None = None
+        self._usual: list[Heard] = []
+        self._usual_level = math.nan
         self._age = 0
         self._foreign = 0.0  # power that came back while nothing was cut: of another machine
         self._irregular = False
@@ -87,7 +89,7 @@ class Irregularity:
         """Nothing is cut, or a cut begins."""
         self._now.clear()
         self._past.clear()
-        self._usual = None
+        self._usual = []
         self._irregular = False
 
     def hear(self, power: float, recurring: float | None, repeating: float, *, calm: bool, turns: bool) -> float:
@@ -118,15 +120,18 @@ class Irregularity:
             past = self._now.popleft()
             if calm and not self._irregular:
                 self._learn(past)
-        if len(self._now) < self._enough or self._usual is None:
+        if len(self._now) < self._enough or not self._usual:
             return 0.0
-        now, usual = _median(self._now), self._usual
         part = STILL if self._irregular else 1.0
-        rise = math.exp(now.level - usual.level)
+        rise = math.exp(statistics.median(heard.level for heard in self._now) - self._usual_level)
+        if rise < part * LOUDER:  # which is less than LOUD
+            self._irregular = False
+            return 0.0
+        now, usual = _median(self._now), _median(self._usual)
         loud = rise >= part * LOUD and (_is_restless(now, usual) or self._irregular)
         of_the_cut = usual.back >= _log(OF_THE_CUT * self._foreign)
         known = of_the_cut and (turns or self._irregular)
-        self._irregular = loud or (known and rise >= part * LOUDER and _has_left_the_load(now, usual, part))
+        self._irregular = loud or (known and _has_left_the_load(now, usual, part))
         return rise if self._irregular else 0.0
 
     def _learn(self, past: Heard) -> None:
@@ -135,8 +140,9 @@ class Irregularity:
             self._past.clear()
         self._past.append(past)
         self._age += 1
-        if len(self._past) >= self._least and (self._usual is None or self._age >= RENEWED):
-            self._usual, self._age = _median(self._past), 0
+        if len(self._past) >= self._least and (not self._usual or self._age >= RENEWED):
+            self._usual, self._age = list(self._past), 0
+            self._usual_level = statistics.median(heard.level for heard in self._usual)
 
 
 def _has_left_the_load(now: Heard, usual: Heard, part: float) -> bool:
@@ -166,5 +172,5 @@ def _log(power: float) -> float:
     return math.log(power) if not power < TINY else math.log(TINY)  # NaN of what is not known
 
 
-def _median(heard: deque[Heard]) -> Heard:
+def _median(heard: Iterable[Heard]) -> Heard:
     return Heard(*map(statistics.median, zip(*heard, strict=True)))

@@ -9,12 +9,12 @@ alarm, the alarm goes on.
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections import deque
 
 from chatter_monitor.kernels.vibrations import AVERAGING
 from chatter_monitor.verdict.irregularity import REPEATED
+from chatter_monitor.verdict.recent import Recent
 
 # Seconds of calm cutting that "usual" is the median of; with fewer there is no telling.
 USUAL_S, LEAST_S = 5.0, 1.0
@@ -54,7 +54,7 @@ class Loudness:
     def __init__(self, interval_s: float) -> None:
         self.usual = self._usual_turning = 0.0
         kept = round(USUAL_S / interval_s)
-        self._calm, self._turning, self._repeating = (deque[float](maxlen=kept) for _ in range(3))  # of this cut
+        self._calm, self._turning, self._repeating = (Recent(kept) for _ in range(3))  # of this cut
         self._since = 0  # how many of them, the newest, came since a leap
         self._last = deque[float](maxlen=AT_ONCE)
         self._least, self._telling = round(LEAST_S / interval_s), round(TELLING_S / interval_s)
@@ -108,8 +108,7 @@ class Loudness:
         self._now += AVERAGING * (power - self._now)
         self._with_caught += AVERAGING * (with_caught - self._with_caught)
         # it has grown if it is loud against what this cut was since it leapt
-        least = max(LOUD, SURE_ENOUGH / odds) if odds > 0.0 else math.inf
-        grown = known and self._now > least * statistics.median(list(self._calm)[-self._since :])
+        grown = known and odds > 0.0 and self._now > max(LOUD, SURE_ENOUGH / odds) * self._usual_since_leap()
         self._suspected = self._suspected + 1 if grown else 0
         begins = self._suspected >= self._enough
         loud = self._now if alarm or begins else self._with_caught
@@ -128,9 +127,13 @@ class Loudness:
             self._repeating.append(repeating)
             self._since += 1
             if len(self._calm) >= self._least:
-                self.usual, self._usual_turning = statistics.median(self._calm), statistics.median(self._turning)
+                self.usual, self._usual_turning = self._calm.median, self._turning.median
         return False
 
     def _is_cut(self) -> bool:
         """Whether what was usual so far is a cut's."""
-        return len(self._repeating) >= self._least and statistics.median(self._repeating) >= REPEATED
+        return len(self._repeating) >= self._least and self._repeating.median >= REPEATED
+
+    def _usual_since_leap(self) -> float:
+        """Power of calm cutting since it leapt, or of all that is kept."""
+        return statistics.median(self._calm.last(self._since))
