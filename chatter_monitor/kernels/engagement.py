@@ -5,8 +5,9 @@ or that of the room. When the tool leaves the cut it falls at once, and the whol
 so, nothing is being cut. What it falls to next time is learned anew, for a room changes. As long as nothing has fallen
 the tool is taken to be in the cut: who does not know misses nothing. When the room itself gets louder it is taken to be
 in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters. So is what
-begins where nothing but noise was heard, no line and nothing that turns, if it lifts the noise at once as well: a
-vibration that grows by itself comes before the noise that it makes. So is what is there at once, noise or not, where
+begins where nothing but noise was heard, no line and nothing that turns, if it lifts the noise at once as well, or is
+several lines, the highest of them not the lowest: a vibration that grows by itself comes before the noise that it
+makes, and before its overtones. So is what is there at once, noise or not, where
 lines were faint and nothing repeated, or, before the first cut, lifts the noise by far there: growth takes time, and
 where teeth are heard the tool is in the cut, as it is where what got louder within some frames had sounded before.
 Lines that stay as they were while all else gets louder are a pump's and count as silence. A louder tool drowns them:
@@ -20,13 +21,14 @@ taken for the first tool to enter has come, that is taken back: it grows by itse
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.median import median
 from chatter_monitor.kernels.options import OPTIONS, WITHIN
-from chatter_monitor.kernels.prominence import LOBE, TINY
+from chatter_monitor.kernels.prominence import LOBE, TINY, share
 from chatter_monitor.kernels.rise import height
 
 DECIBEL = math.log(10.0) / 10.0
@@ -44,6 +46,8 @@ LONE, BY_FAR = 0.2, 2.0
 # Where no line stood out by so much, a tenth of the power, what is louder by so much within so many transforms is the
 # tool: to grow out of a tenth to that in 25 ms, a vibration would have to grow e-fold in 10 ms.
 FAINT, LEAP, AT_ONCE = 15.0 * DECIBEL, 12.0 * DECIBEL, 2
+# A line is one of several where it has so much of the power, which is enough for chatter, too.
+LOUD = 0.2
 # An idle machine may ring, too, but so far below its cut.
 RINGING = 20.0 * DECIBEL
 # Teeth are heard, whether any of their lines stands out or not, where so much of the power repeats; of a pump in the
@@ -66,20 +70,33 @@ def new_air():
     return np.array([-math.inf, -math.inf, -math.inf, LONGEST, math.inf, 0.0, 0.0, -math.inf, -math.inf])
 
 
-@njit(**OPTIONS)
-def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, unheard, familiar, head, air, scratch):
-    """Whether the tool is in the cut and has been for a moment.
+class Rings(NamedTuple):
+    """What has been heard of the latest frames, shape (frames,) each; powers as their natural logarithms.
 
-    Parameters
+    Attributes
     ----------
-    levels, powers : ndarray, shape (frames,)
-        Rings: mean over the bins of the logarithm of their power, and logarithm of the whole power, in each frame.
-    wholes : ndarray, shape (frames,)
-        Ring: logarithm of the power with what turns, before it is taken out.
-    crests : ndarray, shape (frames,)
-        Ring: how far the line that stands out most does, infinite where something turns.
-    repeating : ndarray, shape (frames,)
-        Ring: share of the power that repeats (`kernels.repeats`).
+    levels, powers : ndarray
+        Mean over the bins of the logarithm of their power, and the whole power.
+    wholes : ndarray
+        Power with what turns, before it is taken out.
+    crests : ndarray
+        How far the line that stands out most does, infinite where something turns.
+    repeating : ndarray
+        Share of the power that repeats (`kernels.repeats`).
+    """
+
+    levels: np.ndarray
+    powers: np.ndarray
+    wholes: np.ndarray
+    crests: np.ndarray
+    repeating: np.ndarray
+
+
+class Signs(NamedTuple):
+    """What else tells, in the newest frame, whether the tool enters or leaves.
+
+    Attributes
+    ----------
     fainter : bool
         Whether it has got fainter though most of what is heard goes on, or is taken out of it from now on.
     leapt : bool
@@ -90,52 +107,55 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, u
         Whether a speed is told and no spindle is heard at it.
     familiar : bool
         Whether what stands out most by now did so, less, before all got louder (`kernels.hump`).
+    several : bool
+        Whether a loud line stands out below the one that does most (`below_the_highest`).
+    """
+
+    fainter: bool
+    leapt: bool
+    beside: tuple[float, float]
+    unheard: bool
+    familiar: bool
+    several: bool
+
+
+@njit(**OPTIONS)
+def engaged(rings, signs, head, air, scratch):
+    """Whether the tool is in the cut and has been for a moment.
+
+    Parameters
+    ----------
+    rings : Rings
+    signs : Signs
     head : int
-        Column after the newest, counted from the start without wrapping.
+        Column of the rings after the newest, counted from the start without wrapping.
     air : ndarray of float64, shape (9,)
         What is known of the air, changed in place.
     scratch : ndarray, shape (>= BEFORE,)
         Work space.
     """
+    levels, powers = rings.levels, rings.powers
     columns = levels.shape[0]
-    newest = (head - 1) % columns
+    newest, last = (head - 1) % columns, (head - 2) % columns
     level, power = levels[newest], powers[newest]
     air[ALIKE] += 1.0
     out = level <= air[LEVEL] + NEAR and power <= air[LIMIT]
     if out:
         air[LEVEL] += (level - air[LEVEL]) * (1.0 if level < air[LEVEL] else FOLLOWING)
     elif air[ALIKE] >= FALLING + BEFORE // 2:
-        last, then = (head - 2) % columns, (head - 1 - FALLING) % columns
         level_before = _before(levels, head, air[ALIKE], scratch)
         power_before = _before(powers, head, air[ALIKE], scratch)
         fell_between = max(level, levels[last]) <= level_before - FALL
-        only_noise = max(crests[newest], crests[last]) < NOISE
+        only_noise = max(rings.crests[newest], rings.crests[last]) < NOISE
         if fell_between or (only_noise and max(power, powers[last]) <= power_before - FALL):
-            out = not fainter
+            out = not signs.fainter
             air[ALIKE] = air[ALIKE] if out else 0.0
         if out:
             air[LEVEL], air[LIMIT], air[CUT] = level, max(power_before - FALL, power + NEAR), power_before
             air[ALONE] = not fell_between
         elif air[ENTERED] >= LONGEST:
-            louder = power - powers[then] >= FALL
-            rise, (louder_beside, crest_beside) = level - levels[then], beside
-            pump = louder_beside >= FALL
-            rose = louder and rise >= max(NEAR, LONE * crests[newest])
-            out = rose and power_before <= air[CUT] - FALL
-            if (louder or pump) and not out:
-                crest = _before(crests, head, air[ALIKE], scratch)
-                pump &= crest < math.inf
-                out = (rose and crest < NOISE and not familiar) or (pump and rise >= max(NEAR, LONE * crest_beside))
-                # who has heard the tool leave heard it enter since, too
-                lifts = rose and rise >= LEAP and air[LEVEL] == -math.inf
-                rings = power - powers[then] >= RINGING
-                at_once = (leapt and (rings or not familiar)) or (lifts and not familiar)
-                at_once &= crest < FAINT or pump
-                repeats = _before(repeating, head, air[ALIKE], scratch)
-                out |= at_once and repeats < TEETH
-                by_far = lifts and leapt and rise >= BY_FAR * LONE * crests[newest]
-                out |= by_far and unheard and not familiar and crest < math.inf and repeats < HUM
-    elif repeating[newest] < TEETH and _fallen(levels, head, scratch) and _fallen(wholes, head, scratch):
+            out = _enters(rings, signs, power_before, head, air, scratch)
+    elif rings.repeating[newest] < TEETH and _fallen(levels, head, scratch) and _fallen(rings.wholes, head, scratch):
         out = True
         air[LEVEL], air[CUT], air[ALONE] = level, _before(powers, head, head, scratch), 0.0
         air[LIMIT] = max(air[CUT] - FALL, power + NEAR)
@@ -146,13 +166,55 @@ def engaged(levels, powers, wholes, crests, repeating, fainter, leapt, beside, u
     if air[ENTERED] < LONGEST:
         air[ENTERED] += 1.0
         first = air[LEVEL] == -math.inf
-        if first and _goes_on(levels, crests, _before(levels, head, air[ALIKE], scratch), head):
+        if first and _goes_on(levels, rings.crests, _before(levels, head, air[ALIKE], scratch), head):
             air[ENTERED], air[SINCE], air[ALIKE] = LONGEST, math.inf, 0.0
             return True
         rises = level - levels[(head - 1 - ENTERING) % columns] > STILL
         if air[ENTERED] > ENTERING and not rises:
             air[ENTERED] = LONGEST
     return bool(air[ENTERED] >= LONGEST)
+
+
+@njit(**OPTIONS)
+def _enters(rings, signs, power_before, head, air, scratch):
+    """Whether the tool has just come, though it was taken to be in the cut: what was heard, so loud, was the room."""
+    levels, powers, crests = rings.levels, rings.powers, rings.crests
+    columns = levels.shape[0]
+    newest, then = (head - 1) % columns, (head - 1 - FALLING) % columns
+    louder = powers[newest] - powers[then] >= FALL
+    rise, (louder_beside, crest_beside) = levels[newest] - levels[then], signs.beside
+    pump = louder_beside >= FALL
+    rose = louder and rise >= max(NEAR, LONE * crests[newest])
+    if rose and power_before <= air[CUT] - FALL:
+        return True
+    if not (louder or pump):
+        return False
+    crest = _before(crests, head, air[ALIKE], scratch)
+    repeats = _before(rings.repeating, head, air[ALIKE], scratch)
+    pump &= crest < math.inf
+    out_of_noise = louder and (rose or signs.several) and crest < NOISE and not signs.familiar
+    beside_pump = pump and rise >= max(NEAR, LONE * crest_beside)
+    # who has heard the tool leave heard it enter since, too
+    lifts = rose and rise >= LEAP and air[LEVEL] == -math.inf
+    no_ringing = powers[newest] - powers[then] >= RINGING
+    at_once = (signs.leapt and (no_ringing or not signs.familiar)) or (lifts and not signs.familiar)
+    at_once &= (crest < FAINT or pump) and repeats < TEETH
+    by_far = lifts and signs.leapt and rise >= BY_FAR * LONE * crests[newest]
+    by_far &= signs.unheard and not signs.familiar and crest < math.inf and repeats < HUM
+    return out_of_noise or beside_pump or at_once or by_far
+
+
+@njit(**OPTIONS)
+def below_the_highest(relief, power, total, peaks):
+    """Whether of these bins, the one that stands out most first, another does, too, at a lower frequency, and is loud.
+
+    Teeth bring several lines at once. What grows by itself takes nearly all of the power; its overtones are above it.
+    """
+    found = False
+    for i in range(1, peaks.shape[0]):
+        line = relief[peaks[i]] >= FAINT and share(power, total, peaks[i]) >= LOUD
+        found |= line and peaks[i] < peaks[0]
+    return found
 
 
 @njit(**OPTIONS)
@@ -181,7 +243,7 @@ def has_leapt(spectra, valid, taken, hops, lowest, powers, head):
     taken, hops : int
         Transforms in it, counted from the start, and those of a frame.
     powers, head
-        As of `engaged`.
+        As of `Rings` and `engaged`.
     """
     if head < 3 or taken < 3 * hops:
         return False
@@ -207,7 +269,7 @@ def louder_beside_pump(reliefs, powers, levels, lowest, head):
     reliefs, powers : ndarray, shape (bins, frames)
         Rings of prominences and of logarithms of the power; bins count from ``lowest`` on.
     levels
-        As of `engaged`.
+        As of `Rings`.
     lowest, head
         As of `has_leapt`.
 
@@ -273,7 +335,7 @@ def fell(powers, wholes, head, air, scratch):
     """Whether the whole has fallen at once, and not come back since: with what turns, or what is left without it.
 
     What rises by itself comes on top of all else; what stands out when all else has become fainter has come to light.
-    Parameters as of `engaged`.
+    Parameters as of `Rings` and `engaged`.
     """
     return _stays_fallen(powers, RESIDUAL, head, air, scratch) | _stays_fallen(wholes, WHOLE, head, air, scratch)
 

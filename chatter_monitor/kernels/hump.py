@@ -26,7 +26,7 @@ def grew_out_of_hump(reliefs, powers, totals, lowest, head, scratch):
     reliefs, powers : ndarray, shape (bins, frames)
         Rings of prominences and of logarithms of the power; bins count from ``lowest`` on.
     totals : ndarray, shape (frames,)
-        Ring: logarithm of the whole power, the powers of `engagement.engaged`.
+        Ring: logarithm of the whole power, `engagement.Rings.powers`.
     head : int
         Column after the newest, counted from the start without wrapping.
     scratch : ndarray, shape (>= 2 (2 LOBE + AROUND) + 1,)

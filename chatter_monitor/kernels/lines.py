@@ -12,7 +12,17 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.binding import bound
-from chatter_monitor.kernels.engagement import SINCE, engaged, fell, has_leapt, louder_beside_pump, new_air
+from chatter_monitor.kernels.engagement import (
+    SINCE,
+    Rings,
+    Signs,
+    below_the_highest,
+    engaged,
+    fell,
+    has_leapt,
+    louder_beside_pump,
+    new_air,
+)
 from chatter_monitor.kernels.hump import grew_out_of_hump
 from chatter_monitor.kernels.lanes import as_lanes
 from chatter_monitor.kernels.narrowband import FRAME_HOPS, PARTS, beat, behaviour, put_in_order, variation_beside
@@ -237,10 +247,11 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, unheard, state, peaks
         reliefs[b, column] = relief[b]
         state.powers[b, column] = state.sums[b + 1] - state.sums[b]
     beside = louder_beside_pump(reliefs, state.powers, state.levels, lowest, counts[FRAMES])
-    heard = state.levels, state.totals, state.wholes, state.crests, state.repeating
+    rings = Rings(state.levels, state.totals, state.wholes, state.crests, state.repeating)
     familiar = grew_out_of_hump(reliefs, state.powers, state.totals, lowest, counts[FRAMES], state.scratch)
-    told = fainter, leapt, beside, unheard, familiar
-    state.cutting[column] = engaged(*heard, *told, counts[FRAMES], state.air, state.scratch)
+    several = below_the_highest(relief, power, total, peaks[:count])
+    signs = Signs(fainter, leapt, beside, unheard, familiar, several)
+    state.cutting[column] = engaged(rings, signs, counts[FRAMES], state.air, state.scratch)
     low = fell(state.totals, state.wholes, counts[FRAMES], state.air, state.scratch)
     counts[FALLEN] = counts[FALLEN] + 1 if low else 0
     known = min(frames, counts[ALIKE])

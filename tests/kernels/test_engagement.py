@@ -23,6 +23,7 @@ def told(
     pump=(),
     unheard=(),
     familiar=(),
+    several=(),
     repeating=0.0,
     with_comb=(),
 ):
@@ -30,12 +31,13 @@ def told(
 
     In the frames ``fainter`` most of what is heard goes on, fainter; in the frames ``leapt`` all became louder at once,
     in the frames ``pump`` it did, but for the lines that were there, in the frames ``familiar`` a hump has grown,
-    in the frames ``unheard`` a speed is told and not heard.
+    in the frames ``unheard`` a speed is told and not heard, in the frames ``several`` several lines stand out.
     So much of the power repeats, and so loud is the whole with what turns.
     """
     rng = np.random.default_rng(seed)
     repeats = np.zeros(columns)
     (levels, powers, wholes, crests), cutting = np.zeros((4, columns)), np.zeros(columns, bool)
+    rings = engagement.Rings(levels, powers, wholes, crests, repeats)
     air, result = engagement.new_air(), []
     for frames, level, power, crest in stretches:
         for _ in range(frames):
@@ -46,11 +48,16 @@ def told(
             wholes[column] = DECIBEL * (with_comb[len(result)] if len(result) < len(with_comb) else 0.0)
             repeats[column] = repeating(len(result)) if callable(repeating) else repeating
             head = len(result) + 1
-            cutting[column] = engagement.engaged(
-                *(levels, powers, wholes, crests, repeats),
-                *(len(result) in fainter, len(result) in leapt, BESIDE if len(result) in pump else (0.0, 0.0)),
-                *(len(result) in unheard, len(result) in familiar, head, air, np.zeros(columns)),
+            now = len(result)
+            signs = engagement.Signs(
+                fainter=now in fainter,
+                leapt=now in leapt,
+                beside=BESIDE if now in pump else (0.0, 0.0),
+                unheard=now in unheard,
+                familiar=now in familiar,
+                several=now in several,
             )
+            cutting[column] = engagement.engaged(rings, signs, head, air, np.zeros(columns))
             result.append(bool(cutting[column]))
     return result
 
@@ -91,6 +98,40 @@ def test_what_was_far_fainter_than_a_cut_is_entered_when_the_noise_rises(rise, e
     louder = 40, AIR + 10.0, CUT + LOUD - 12.0, STANDS_OUT
     after = told(cut(60), room(60), louder, (20, AIR + 10.0 + rise, CUT + LOUD, STANDS_OUT), columns=240)[160:]
     assert (not all(after)) is enters
+
+
+@pytest.mark.parametrize(
+    ("crest", "louder", "enters"),
+    [(NOISE, 12.0, True), (10.0, 12.0, False), (NOISE, 6.0, False)],  # a mode sounded before; hardly louder
+)
+def test_several_lines_out_of_noise_come_with_the_tool(crest, louder, enters):
+    """However little noise they bring; one line alone may have grown."""
+    tool = 60, AIR + 2.0, AIR + louder, STANDS_OUT
+    assert all(told(room(60, crest=crest), tool))
+    heard = told(room(60, crest=crest), tool, several=range(60, 120))
+    assert all(heard[:60])
+    assert all(heard[:66]) is not enters
+    assert all(heard[80:])
+
+
+@pytest.mark.parametrize(
+    ("lines", "several"),
+    [
+        ({40: (20.0, 0.9)}, False),
+        ({40: (20.0, 0.6), 80: (18.0, 0.3)}, False),  # an overtone
+        ({40: (20.0, 0.6), 13: (18.0, 0.3)}, True),
+        ({40: (20.0, 0.6), 13: (14.0, 0.3)}, False),  # hardly stands out
+        ({40: (20.0, 0.8), 13: (18.0, 0.1)}, False),  # next to no power
+        ({}, False),
+    ],
+)
+def test_of_several_lines_the_highest_is_not_the_lowest(lines, several):
+    """Chatter and its overtones are otherwise."""
+    peaks = np.array(sorted(lines, key=lambda b: -lines[b][0]), np.int64)
+    relief, power = np.zeros((2, 100))
+    for b, (decibels, part) in lines.items():
+        relief[b], power[b] = DECIBEL * decibels, part
+    assert engagement.below_the_highest(relief, power, 1.0, peaks) is several
 
 
 def test_a_tool_that_enters_slowly_is_in_the_cut_when_the_level_stays():

@@ -96,7 +96,8 @@ def test_what_is_heard_in_another_alarm_is_not_usual():
 def test_it_tells_how_loud_it_is():
     irregularity = calm()
     hear(irregularity, 100.0, 20, repeating=0.3, restless=BURST)
-    assert irregularity.hear(50.0, None, 0.3, calm=False, turns=False) == pytest.approx(100.0)  # half of them are double, half half
+    # half of them are double, half half
+    assert irregularity.hear(50.0, None, 0.3, calm=False, turns=False) == pytest.approx(100.0)
 
 
 def test_silence_is_quiet():
