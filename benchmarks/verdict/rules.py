@@ -20,7 +20,6 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -102,8 +101,7 @@ def keep(cuts: Iterable[Cut], count: int, directory: Path) -> None:
     """Track so many cuts, with the speed known and unknown, and keep what is seen, in a file each."""
     for number, cut in enumerate(track(cuts, total=count, description="cuts", console=Console(stderr=True))):
         seen = {speed: list(evidence_of(cut, speed_known=speed == "known")) for speed in SPEEDS}
-        without_samples = replace(cut, samples=np.zeros(0))
-        (directory / f"{number:05d}.pickle").write_bytes(pickle.dumps((without_samples, seen)))
+        (directory / f"{number:05d}.pickle").write_bytes(pickle.dumps((cut.without_samples(), seen)))
 
 
 def judged(evidence: list[Evidence]) -> Opinions:
