@@ -7,9 +7,9 @@ the tool is taken to be in the cut: who does not know misses nothing. When the r
 in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters. So is what
 begins where nothing but noise was heard, no line and nothing that turns, if it lifts the noise at once as well, or is
 several lines, the highest of them not the lowest: a vibration that grows by itself comes before the noise that it
-makes, and before its overtones. So is what is there at once, noise or not, where
-lines were faint and nothing repeated, or, before the first cut, lifts the noise by far there: growth takes time, and
-where teeth are heard the tool is in the cut, as it is where what got louder within some frames had sounded before.
+makes, and below its overtones. So is what is there at once, noise or not, where lines were faint and nothing repeated,
+or, before the first cut, lifts the noise by far there: growth takes time, and where teeth are heard the tool is in the
+cut, as it is where what got louder within some frames had sounded before.
 Lines that stay as they were while all else gets louder are a pump's and count as silence. A louder tool drowns them:
 where a told speed was not heard, noise that leaps by far more than a lone line lifts it tells. What falls while most of
 what is heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on. Until there is

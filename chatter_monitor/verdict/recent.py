@@ -41,6 +41,6 @@ class Recent:
 
     @property
     def median(self) -> float:
-        """Mean of the two in the middle, if it is an even number; none of none."""
+        """The one in the middle, or the mean of both; IndexError if there is none."""
         half, odd = divmod(len(self._in_size), 2)
         return self._in_size[half] if odd else (self._in_size[half - 1] + self._in_size[half]) / 2
