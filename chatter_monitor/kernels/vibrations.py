@@ -43,10 +43,15 @@ DIED_DOWN = -0.7
 
 # Chatter takes the power: what has risen and takes less than so much of it is hardly ever chatter.
 SUSPECT_SHARE = 0.2
-# Where no comb is known a line may be a multiple, up to so many times, of one that is steady for certain: if that would
-# be within so much (Hz) of the steady one, it is forced as well, unless chance would have it there as soon.
+# Where nothing is heard to turn a line may be a multiple, up to so many times, of another: of one that is steady for
+# certain, if that would be within so much of it (Hz); or of one with less of the power that has been heard in so many
+# intervals, if it nearly always was that, more nearly, until it rose. Then it is forced, unless chance would have it
+# there as soon.
 MULTIPLES, MULTIPLE_HZ, SURELY_STEADY = 8, 1.5, 0.9
+CARRIED_HZ, LASTED, NEARLY_ALWAYS = 0.7, 5, 0.6
 LARGEST_CHANCE = 0.1
+# Weight of an interval in the average of how often it was.
+OFTEN = 0.2
 # Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
 FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
 # Of a vibration that has chattered and does no more.
@@ -97,6 +102,7 @@ VIBRATION = np.dtype(
         ("place", float),  # logarithm of its frequency, filtered
         ("glide", float),  # by how much that changes in an interval
         ("jitter", float),  # mean square by which the filter misses
+        ("carried", float),  # how often it was a multiple of a line with less of the power until it rose, averaged
         ("gliding", np.int64),  # intervals in a row in which it has glided
         ("glided", np.int64),  # intervals for which that counts yet
     ],
@@ -172,8 +178,8 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
             _unheard(vibration, rules)
         else:
             line = lines[vibration.line]
-            if line.order_odds == rules.odds.unknown_speed:
-                line.order_odds = min(line.order_odds, _multiple_odds(line.frequency_hz, vibrations[:known]))
+            if rules.unheard or line.order_odds == rules.odds.unknown_speed:
+                line.order_odds = min(line.order_odds, _multiple_odds(vibration, line, vibrations[:known], lines))
             _heard(vibration, line, rules, weights)
         if vibration.missed < FORGOTTEN or vibration.chattered:
             count += 1
@@ -271,29 +277,44 @@ def _begin(vibration, line):
     vibration.chattered = False
     vibration.heard = vibration.over = 0
     vibration.place = math.log(line.frequency_hz)
-    vibration.glide = vibration.jitter = 0.0
+    vibration.glide = vibration.jitter = vibration.carried = 0.0
     vibration.gliding = vibration.glided = 0
 
 
 @njit(**OPTIONS)
-def _multiple_odds(frequency_hz, vibrations):
-    """Log odds for self-excitation of what is at this frequency, by the steady vibrations it is a multiple of.
+def _multiple_odds(vibration, line, vibrations, lines):
+    """Log odds for self-excitation of one whose line this is, by those that it is a multiple of.
 
-    Teeth that pass faster than a spindle turns make no comb that is looked for without a speed: lines with overtones
-    may be one vibration's, too. But what is steady is none.
+    Teeth that pass faster than a spindle turns make no comb that is looked for without a speed, nor do two lines: they
+    may be one vibration's with its overtone. But what is steady is none. And chatter brings its overtones with it:
+    what was the overtone of a fainter line before it rose is not its own.
     """
-    odds = math.inf
+    odds = carried = math.inf
+    fainter = False
     for i in range(vibrations.shape[0]):
         other = vibrations[i]
-        if other.line == NO_LINE or other.chattered or other.steady < SURELY_STEADY:
+        if other.line == NO_LINE or other.chattered:
             continue
-        times = math.floor(frequency_hz / other.frequency_hz + 0.5)
-        if not 1 < times <= MULTIPLES or abs(frequency_hz / times - other.frequency_hz) >= MULTIPLE_HZ:
+        lower_hz = lines[other.line].frequency_hz
+        times = math.floor(line.frequency_hz / lower_hz + 0.5)
+        if not 1 < times <= MULTIPLES:
             continue
-        chance = 2.0 * times * MULTIPLE_HZ / other.frequency_hz
-        if chance < LARGEST_CHANCE:
-            odds = min(odds, math.log(chance / FORCED_AT_TEETH))
-    return odds
+        away = abs(line.frequency_hz / times - lower_hz)
+        if other.steady >= SURELY_STEADY and away < MULTIPLE_HZ:
+            odds = min(odds, _odds_by_chance(2.0 * times * MULTIPLE_HZ / lower_hz))
+        if other.heard >= LASTED and other.dominance < vibration.dominance:
+            fainter = True
+            if away < CARRIED_HZ:
+                carried = min(carried, _odds_by_chance(2.0 * times * CARRIED_HZ / lower_hz))
+    if fainter and vibration.growing + vibration.saturated < 0.5:
+        vibration.carried += OFTEN * ((carried < math.inf) - vibration.carried)
+    return min(odds, carried) if vibration.carried > NEARLY_ALWAYS else odds
+
+
+@njit(**OPTIONS)
+def _odds_by_chance(chance):
+    """Log odds for self-excitation of what is where forced lines are, and anything is with this probability."""
+    return math.log(chance / FORCED_AT_TEETH) if chance < LARGEST_CHANCE else math.inf
 
 
 @njit(**OPTIONS)

@@ -196,10 +196,11 @@ class Judge:
 def _grown_suspect(told: Told, *, unheard: bool) -> Followed | None:
     """What may be chatter and has got louder itself, beyond its surroundings: a load makes all of them louder.
 
-    Nothing on the orders of a speed that was told and is not heard yet: it may be what turns.
+    Nothing on the orders of a speed that was told and is not heard yet, nor what is carried by another line: it may be
+    what turns.
     """
     suspect = told.suspect
-    if suspect is None or suspect.heard is None or (unheard and suspect.heard.on_order):
+    if suspect is None or suspect.heard is None or suspect.carried or (unheard and suspect.heard.on_order):
         return None
     line = suspect.heard.line
     return suspect if own_rise(line.long_rise, line.absolute_rise) >= LOUDER else None

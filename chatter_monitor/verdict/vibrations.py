@@ -22,7 +22,16 @@ from chatter_monitor.kernels.kinds import LINE, Kinds
 from chatter_monitor.kernels.overview import NONE, Overview
 from chatter_monitor.kernels.swings import forget_the_last, hold_back, new_swings
 from chatter_monitor.kernels.testimony import witness
-from chatter_monitor.kernels.vibrations import CALMED, FORGOTTEN_CHATTER, NO_LINE, VIBRATION, Odds, Rules, withdraw
+from chatter_monitor.kernels.vibrations import (
+    CALMED,
+    FORGOTTEN_CHATTER,
+    NEARLY_ALWAYS,
+    NO_LINE,
+    VIBRATION,
+    Odds,
+    Rules,
+    withdraw,
+)
 from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.evidence import Evidence, Heard, Vibration
 from chatter_monitor.verdict.known_orders import NOTHING_TAKEN, KnownOrders
@@ -55,6 +64,8 @@ class Followed(NamedTuple):
         Its line in this interval.
     glided : bool
         Whether a spindle has taken it along.
+    carried : bool
+        Whether it is nearly always a multiple of a line with less of the power.
     """
 
     frequency_hz: float
@@ -64,6 +75,7 @@ class Followed(NamedTuple):
     chattered: bool = False
     heard: Vibration | None = None
     glided: bool = False
+    carried: bool = False
 
     @property
     def self_excited(self) -> float:
@@ -139,10 +151,12 @@ class Told:
         if number == NONE:
             return None
         known = self.vibrations[number].tolist()
-        frequency_hz, noise, growing, saturated, steady, unexplained, alarm_for, chattered, line, *_, glided = known
+        frequency_hz, noise, growing, saturated, steady, unexplained, alarm_for, chattered, line, *others = known
+        *_, carried, _, glided = others
         kinds = Kinds(noise, growing, saturated, steady)
         heard = None if line == NO_LINE else self._heard[line]
-        return Followed(frequency_hz, kinds, unexplained, alarm_for, chattered, heard, glided > 0)
+        about = frequency_hz, kinds, unexplained, alarm_for, chattered, heard
+        return Followed(*about, glided=glided > 0, carried=carried > NEARLY_ALWAYS)
 
 
 class Following:

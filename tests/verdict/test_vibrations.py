@@ -335,6 +335,34 @@ def test_a_multiple_of_what_is_steady_is_forced_where_no_comb_is_known(steady_hz
     assert (known["alarm_for"][known["frequency_hz"] == 950.0] > 0).tolist() == [alarm]
 
 
+@pytest.mark.parametrize(
+    ("lower_hz", "share", "wanders", "unheard", "place", "alarm"),
+    [
+        (475.0, 0.05, 0.004, False, -0.6, False),
+        (475.0, 0.05, 0.004, True, 1.3, False),  # at the speed that was told nothing is heard
+        (475.0, 0.05, 0.004, False, 1.3, True),  # it is known where the orders are
+        (470.0, 0.05, 0.004, False, -0.6, True),  # it is no multiple
+        (475.0, 0.97, 0.004, False, -0.6, True),  # that is louder: it may be chatter, with its overtone
+        (475.0, 0.05, None, False, -0.6, True),  # now and then
+    ],
+)
+def test_what_is_carried_by_a_fainter_line_is_forced(lower_hz, share, wanders, unheard, place, alarm):
+    """Teeth whose second multiple has nearly all of the power, at a speed that wanders: no line is steady."""
+    rng = np.random.default_rng(3)
+    known = np.zeros(0, VIBRATION)
+    for i in range(60):
+        together = 1.0 if wanders is None else 1.0 + wanders * rng.standard_normal()
+        alone = 1.0 + 0.004 * rng.standard_normal() if wanders is None else together
+        both = [interval(hertz).vibrations[0] for hertz in (950.0 * together, lower_hz * alone)]
+        lines = lines_of(interval(950.0)._replace(vibrations=heard(*both)), Odds())
+        lines["dominance"], lines["order_odds"], lines["power"] = [0.95, share], place, 1.0
+        lines["long_rise"] = lines["absolute_rise"] = [3.0 if i > 20 else 0.0, 0.0]
+        lines["variation"], lines["coherence"] = 0.7, [1.0, 0.5]  # the lower one is not steady for certain
+        known = followed(known, lines, RULES._replace(unheard=unheard))
+    upper = abs(known["frequency_hz"] / 950.0 - 1.0) < 0.05
+    assert (known["alarm_for"][upper] > 0).tolist() == [alarm]
+
+
 @pytest.mark.parametrize(("off", "arrives"), [([True], False), ([True, False] * 10, False), ([True] * 20, True)])
 def test_what_is_off_the_orders_for_a_moment_has_not_come_with_the_tool(off, arrives):
     """Where the speed wanders, a steady forced line is off its order now and then."""
