@@ -102,8 +102,8 @@ VIBRATION = np.dtype(
         ("place", float),  # logarithm of its frequency, filtered
         ("glide", float),  # by how much that changes in an interval
         ("jitter", float),  # mean square by which the filter misses
-        ("carried", float),  # how often it was a multiple of a line with less of the power until it rose, averaged
         ("gliding", np.int64),  # intervals in a row in which it has glided
+        ("carried", float),  # how often it was a multiple of a line with less of the power until it rose, averaged
         ("glided", np.int64),  # intervals for which that counts yet
     ],
     align=True,
@@ -168,7 +168,7 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
         How many there are.
     """
     _share_out(vibrations, known, lines, taken)
-    if _chattered_just_now(vibrations, known):
+    if _any_chattered(vibrations, known):
         rules = Rules(rules.calm_probability, rules.calm_probability, rules.chain, rules.odds, rules.unheard)
     count = 0
     for i in range(known):
@@ -206,7 +206,7 @@ def suspicion_of(vibration):
 
 
 @njit(**OPTIONS)
-def _chattered_just_now(vibrations, known):
+def _any_chattered(vibrations, known):
     """Whether there has been an alarm within the last intervals, about whichever."""
     just_now = False
     for i in range(known):

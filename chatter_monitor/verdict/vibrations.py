@@ -151,11 +151,10 @@ class Told:
         if number == NONE:
             return None
         known = self.vibrations[number].tolist()
-        frequency_hz, noise, growing, saturated, steady, unexplained, alarm_for, chattered, line, *others = known
-        *_, carried, _, glided = others
+        hertz, noise, growing, saturated, steady, unexplained, alarm_for, chattered, line, *_, carried, glided = known
         kinds = Kinds(noise, growing, saturated, steady)
         heard = None if line == NO_LINE else self._heard[line]
-        about = frequency_hz, kinds, unexplained, alarm_for, chattered, heard
+        about = hertz, kinds, unexplained, alarm_for, chattered, heard
         return Followed(*about, glided=glided > 0, carried=carried > NEARLY_ALWAYS)
 
 
