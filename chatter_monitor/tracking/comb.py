@@ -163,7 +163,7 @@ def _tables(points: int) -> Tables:
 
 
 class Spectrum:
-    """Lines of stretches of a signal.
+    """Lines of one stretch of a signal after the other.
 
     Parameters
     ----------
@@ -186,28 +186,27 @@ class Spectrum:
         self._peaks = np.empty(self._size // 2, np.int64)
         self._lowest = math.ceil(lowest_hz / self._bin_hz)
 
-    def lines(self, *pieces: NDArray[np.float64]) -> Lines:
-        """The strongest lines of a stretch, in one piece or several, that stand out of the noise around them."""
-        power = self._transform(pieces)
-        peaks = self._peaks[: kernel.crests(power, LINE_TO_NOISE, self._lowest, self._scratch, self._peaks)]
-        return self._apart(peaks[power[peaks] >= FAINTEST * power[peaks].max(initial=0.0)], STRONGEST)
-
-    def faint_lines(self, *pieces: NDArray[np.float64]) -> Lines:
-        """More lines, and fainter ones, that stand out of the noise next to them: beside stronger ones, too."""
-        power = self._transform(pieces)
-        least = FAINT * power[self._lowest :].max()
-        count = kernel.crests_beside(power, LINE_TO_NOISE, self._lowest, least, self._peaks)
-        return self._apart(self._peaks[:count], MANY)
-
-    def _transform(self, pieces: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
-        """Power of a stretch in each bin."""
+    def transform(self, *pieces: NDArray[np.float64]) -> None:
+        """Take in a stretch, in one piece or several."""
         begin = 0
         for samples in pieces:
             part = slice(begin, begin + len(samples))
             np.multiply(samples, self._window[part], out=self._windowed[part])
             begin = part.stop
         power_spectrum(self._windowed, _tables(self._size), new_work(self._size), self._power)
-        return self._power
+
+    def lines(self) -> Lines:
+        """The strongest lines of the stretch that stand out of the noise around them."""
+        power = self._power
+        peaks = self._peaks[: kernel.crests(power, LINE_TO_NOISE, self._lowest, self._scratch, self._peaks)]
+        return self._apart(peaks[power[peaks] >= FAINTEST * power[peaks].max(initial=0.0)], STRONGEST)
+
+    def faint_lines(self) -> Lines:
+        """More lines, and fainter ones, that stand out of the noise next to them: beside stronger ones, too."""
+        power = self._power
+        least = FAINT * power[self._lowest :].max()
+        count = kernel.crests_beside(power, LINE_TO_NOISE, self._lowest, least, self._peaks)
+        return self._apart(self._peaks[:count], MANY)
 
     def _apart(self, peaks: NDArray[np.int64], most: int) -> Lines:
         """So many lines at most, from crests of the spectrum."""

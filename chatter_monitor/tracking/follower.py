@@ -90,6 +90,7 @@ class CombFollower:
         self._rest = 0  # frames until the next search
         self._search: Search | None = None
         self._spectra: dict[int, Spectrum] = {}
+        self._transformed: dict[int, int] = {}  # up to which frame, for each of them
         self._patience = lost_s * sample_rate_hz / frame
         self._doubtful_frames = 0
 
@@ -207,17 +208,22 @@ class CombFollower:
 
     def faint_lines(self, last: int) -> Lines:
         """Lines of the window up to a frame, one of the latest few, with faint ones among them."""
-        return self._spectrum(self._window).faint_lines(*self._pieces(self._window, last))
+        return self._spectrum(self._window, last).faint_lines()
 
     def _lines(self, frames: int, last: int) -> Lines:
         """Lines of so many frames of the past, up to one."""
-        return self._spectrum(frames).lines(*self._pieces(frames, last))
+        return self._spectrum(frames, last).lines()
 
-    def _spectrum(self, frames: int) -> Spectrum:
+    def _spectrum(self, frames: int, last: int) -> Spectrum:
+        """Spectrum of so many frames of the past, up to one."""
         if frames not in self._spectra:  # there are few lengths: the window, and halves of it
             samples = frames * self._past.shape[1]
             self._spectra[frames] = Spectrum(samples, self._rate_hz, self._lowest_hz)
-        return self._spectra[frames]
+        spectrum = self._spectra[frames]
+        if self._transformed.get(frames) != last:  # a search asks for the same one twice
+            self._transformed[frames] = last
+            spectrum.transform(*self._pieces(frames, last))
+        return spectrum
 
     def _pieces(self, frames: int, last: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Samples of so many frames of the past, up to one: the past is a ring."""
@@ -256,10 +262,12 @@ class CombFollower:
             comb = self._any_comb(lines, last, self._target, rotation_hz)
             return None if comb is None else Candidate(comb, self._target)
         comb = find_comb(lines, self._target)
+        # half a window is enough to doubt what was told, but not to believe anything else
+        new = frames == self._window and self.harmonics is None
+        if comb is None and not new:
+            return None
         rival = self._any_comb(lines, last, self._anything, rotation_hz)
         if rival is not None and speaks_against(rival, comb, lines, self._target):
-            # half a window is enough to doubt what was told, but not to believe anything else
-            new = frames == self._window and self.harmonics is None
             return Candidate(rival, self._anything) if new else None
         if comb is None or (self.doubts and not speaks_for(comb, rival, lines, self._target)):
             return None
