@@ -234,6 +234,21 @@ def find_comb(lines: Lines, target: Target) -> Comb | None:
     return None
 
 
+def find_any_comb(lines: Lines, target: Target) -> Comb | None:
+    """The comb for which there is most evidence; what the mains explain is no evidence for another one.
+
+    The mains hum, and a vibration with overtones beside that, nearly always have a low divisor in common.
+    """
+    comb = find_comb(lines, target)
+    if comb is None or is_mains(comb.fundamental_hz):
+        return comb
+    for mains_hz in MAINS_HZ:
+        hum = find_comb(lines, Target((1.0 - MAINS_KEEP) * mains_hz, (1.0 + MAINS_KEEP) * mains_hz))
+        if hum is not None:
+            return find_comb(lines.without(lines.on(hum.fundamental_hz)), target) or hum
+    return comb
+
+
 def speaks_against(rival: Comb, comb: Comb | None, lines: Lines, told: Target) -> bool:
     """Whether a comb among lines says that the spindle does not turn as fast as was told.
 

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from chatter_monitor.kernels.conditioning import copy_present
 from chatter_monitor.kernels.heard import WANDER
 from chatter_monitor.tracking.comb import (
+    ENOUGH,
     Comb,
     Lines,
     Spectrum,
     Target,
+    find_any_comb,
     find_comb,
     is_locked,
     is_mains,
@@ -23,18 +25,20 @@ from chatter_monitor.tracking.comb import (
     speaks_for,
 )
 from chatter_monitor.tracking.harmonics import Harmonics
-from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands
+from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands, may_be_sidebands
 from chatter_monitor.tracking.turns import TURNS, Piecemeal, in_turn
 
 CHECK_FRAMES = 5  # from one look at whether it still is a comb to the next
+ANOTHER_SPEED = 0.01  # relatively: more than a spindle wanders
 CATCH_UP_FRAMES = 16  # of the past that a new comb is followed through while one comes in
 
 
 class Candidate(NamedTuple):
-    """A comb that was found, and what it was found as: a target that it has to go on being."""
+    """A comb that was found, what it was found as, a target that it has to go on being, and if by faint lines only."""
 
     comb: Comb
     target: Target
+    faint: bool = False
 
 
 # Goes on frame by frame, to harmonics that stand, and what they were found as.
@@ -93,6 +97,7 @@ class CombFollower:
         self._transformed: dict[int, int] = {}  # up to which frame, for each of them
         self._patience = lost_s * sample_rate_hz / frame
         self._doubtful_frames = 0
+        self._clear = math.inf  # lines of what is followed at a told speed
 
     def aim(self, target: Target) -> None:
         """Look for something else; what is followed stays if it is that, too."""
@@ -105,6 +110,11 @@ class CombFollower:
     def doubts(self) -> bool:
         """Whether what turns spoke against the speed that was told, when something was heard last."""
         return self._followed is not self._target
+
+    @property
+    def _has_few(self) -> bool:
+        """Whether what is followed at a told speed has fewer clear lines than a comb at any other needs."""
+        return _is_told(self._followed) and 0 < self._clear < self._anything.fewest
 
     def forget(self) -> None:
         """Listen anew: the past is no longer like what comes."""
@@ -157,7 +167,8 @@ class CombFollower:
         else:
             self.forget()
         self._rest -= 1
-        looks = self.harmonics is None or self.doubts  # what was told may be heard again beside what is followed
+        # What was told may be heard again beside what is followed; and few lines near the teeth may be those of a pump.
+        looks = self.harmonics is None or self.doubts or self._has_few
         if looks and self._rest <= 0 and self._search is None:
             self._search = self._begin(taken_hz, rotation_hz, mains_only=mains_only)
         return self._search is not None and self._go_on(self._search)
@@ -194,7 +205,9 @@ class CombFollower:
             self.harmonics = None
             return
         if self.frames % CHECK_FRAMES == 0:
-            if self._followed.stands(harmonics.clear(), harmonics.rotation_hz):
+            clear = harmonics.clear()
+            self._clear = len(clear)
+            if self._followed.stands(clear, harmonics.rotation_hz):
                 self._doubtful_frames = 0
             else:
                 self._doubtful_frames += CHECK_FRAMES
@@ -209,10 +222,6 @@ class CombFollower:
     def faint_lines(self, last: int) -> Lines:
         """Lines of the window up to a frame, one of the latest few, with faint ones among them."""
         return self._spectrum(self._window, last).faint_lines()
-
-    def _lines(self, frames: int, last: int) -> Lines:
-        """Lines of so many frames of the past, up to one."""
-        return self._spectrum(frames, last).lines()
 
     def _spectrum(self, frames: int, last: int) -> Spectrum:
         """Spectrum of so many frames of the past, up to one."""
@@ -254,8 +263,18 @@ class CombFollower:
         return _is_told(self._target)
 
     def _candidate(self, frames: int, last: int, taken_hz: float | None, rotation_hz: float | None) -> Candidate | None:
-        """The comb of so many frames, if there is one."""
-        lines = self._lines(frames, last)
+        """The comb of so many frames, if there is one: of the lines that stand out, or else with those beside them."""
+        spectrum = self._spectrum(frames, last)
+        found = self._among(spectrum.lines(), frames, last, taken_hz, rotation_hz)
+        if found is not None or taken_hz is not None:
+            return found
+        found = self._among(spectrum.faint_lines(), frames, last, taken_hz, rotation_hz)
+        return None if found is None or found.comb.evidence < ENOUGH else found._replace(faint=True)
+
+    def _among(
+        self, lines: Lines, frames: int, last: int, taken_hz: float | None, rotation_hz: float | None
+    ) -> Candidate | None:
+        """The comb among lines of so many frames."""
         if taken_hz is not None:
             lines = lines.without(lines.on(taken_hz))
         if not self._known:
@@ -271,24 +290,32 @@ class CombFollower:
             return Candidate(rival, self._anything) if new else None
         if comb is None or (self.doubts and not speaks_for(comb, rival, lines, self._target)):
             return None
+        if self.harmonics is not None and not self.doubts:
+            # by a lone line the angle is hardly known
+            another = abs(comb.fundamental_hz / self.harmonics.rotation_hz - 1.0) > ANOTHER_SPEED
+            better = comb.evidence > ENOUGH and (another or self._clear == 1)
+            return Candidate(comb, self._target) if better else None
         return Candidate(comb, self._target)
 
     def _any_comb(self, lines: Lines, last: int, target: Target, rotation_hz: float | None) -> Comb | None:
         """A comb among lines that is not that of a vibration with sidebands, or one that has locked to the spindle."""
-        comb = find_comb(lines, target)
+        comb = find_any_comb(lines, target)
         if comb is not None and rotation_hz is not None and is_locked(comb.fundamental_hz, rotation_hz):
             lines = lines.without(lines.on(comb.fundamental_hz))
-            comb = find_comb(lines, target)
+            comb = find_any_comb(lines, target)
         if comb is None or not self.has_heard_enough:
             return comb
-        sidebands = find_sidebands(self.faint_lines(last), target.low_hz)
-        if sidebands is None or not sidebands.on(comb.fundamental_hz):
+        faint = self.faint_lines(last)
+        sidebands = find_sidebands(faint, target.low_hz)
+        if sidebands is not None and sidebands.on(comb.fundamental_hz):
+            comb = find_any_comb(lines.without(sidebands.of(lines)), target)
+        if comb is None or is_mains(comb.fundamental_hz):
             return comb
-        return find_comb(lines.without(sidebands.of(lines)), target)
+        return None if may_be_sidebands(faint, comb.fundamental_hz, target.low_hz) else comb
 
     def _follow(self, found: Candidate, frames: int, ago: int) -> Piecemeal[Harmonics | None]:
         """Follow a comb through the frames in which it was found, so many frames ago, and on to now."""
-        comb, target = found
+        comb, target = found.comb, found.target
         sd_hz = max(comb.fundamental_sd_hz, WANDER * comb.fundamental_hz)
         harmonics = Harmonics(
             comb.fundamental_hz, sd_hz, self._rate_hz, memory_s=self._memory_s, lowest_hz=self._lowest_hz
@@ -306,8 +333,9 @@ class CombFollower:
                 behind += 1
         # A self-excited vibration that crosses an order takes the harmonics along, away from where the other lines are.
         now_hz = harmonics.rotation_hz
-        on_lines = self._lines(frames - frames // 2, self.frames).orders(now_hz)
-        stands = target.stands(harmonics.clear(), now_hz) and target.stands(on_lines, now_hz)
+        spectrum = self._spectrum(frames - frames // 2, self.frames)
+        lines = spectrum.faint_lines() if found.faint else spectrum.lines()
+        stands = target.stands(harmonics.clear(), now_hz) and target.stands(lines.orders(now_hz), now_hz)
         return harmonics if stands else None
 
 

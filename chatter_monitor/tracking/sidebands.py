@@ -26,6 +26,8 @@ PARTS, ANY_PART = 3, 1 << 30
 ENOUGH = math.log(1e6)
 # Log odds by which they have to be ahead of a comb.
 AHEAD = 5.0
+# And those by which a comb has to be ahead of sidebands.
+AHEAD_OF_SIDEBANDS = 3.0
 NO_LINE = -1
 
 
@@ -88,14 +90,33 @@ def find_sidebands(lines: Lines, slowest_hz: float, told: Target | None = None) 
     found = max((_best_sidebands(lines, each) for each in ranges), key=lambda best: best.evidence)
     if found.evidence < ENOUGH:
         return None
-    # of these lines each has the others as sidebands: the strongest gives them its name
-    carrier = int(np.argmax(lines.beside(found.carrier_hz, found.spacing_hz)))
+    carrier = _carrier(lines, found)
     carrier_hz = float(lines.frequency_hz[carrier])
     if not kernel.is_clear(carrier_hz, found.spacing_hz, lines.tolerance_hz[carrier]):
         return None
     if any(comb > found.evidence - AHEAD for comb in _combs(lines, carrier, found, ranges)):
         return None
     return Sidebands(carrier_hz, lines.tolerance_hz[carrier].item(), found.spacing_hz, found.evidence)
+
+
+def may_be_sidebands(lines: Lines, fundamental_hz: float, slowest_hz: float) -> bool:
+    """Whether a comb may be a vibration with sidebands, which it has among its lines and which explain them as well.
+
+    A frequency that is nearly a fraction of the spacing has lines at multiples of a small part of both.
+    """
+    if len(lines.frequency_hz) < ENOUGH_LINES:
+        return False
+    found = _best_sidebands(lines, _Range(slowest_hz, math.inf, 1, PARTS))
+    if not found.evidence > 0.0 or not lines.on(fundamental_hz)[_carrier(lines, found)]:
+        return False
+    frequency, tolerance = lines.frequency_hz, lines.tolerance_hz
+    comb = kernel.best_comb(frequency, tolerance, NO_LINE, slowest_hz, frequency.max(), 1, LOG_FACTORIAL)
+    return bool(found.evidence > comb - AHEAD_OF_SIDEBANDS)
+
+
+def _carrier(lines: Lines, found: _Found) -> int:
+    """Which line gives the name: of these each has the others as sidebands, and it is the strongest."""
+    return int(np.argmax(lines.beside(found.carrier_hz, found.spacing_hz)))
 
 
 def _best_sidebands(lines: Lines, among: _Range) -> _Found:

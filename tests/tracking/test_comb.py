@@ -12,6 +12,7 @@ from chatter_monitor.tracking.comb import (
     Lines,
     Spectrum,
     Target,
+    find_any_comb,
     find_comb,
     is_locked,
     speaks_against,
@@ -54,6 +55,14 @@ def test_tooth_harmonics_beside_a_family_of_sidebands_are_found():
     """Where forced lines stand beside a vibration with sidebands, the comb is that of the forced lines."""
     forced, family = 215.3 * np.array([1, 2, 3, 4, 6, 7]), 1031.0 + 215.3 * np.array([-2, -1, 0, 1, 2, 3])
     assert find_comb(lines(forced, family), ANY).fundamental_hz == pytest.approx(215.3, abs=0.2)
+
+
+def test_a_divisor_of_the_mains_and_of_a_vibration_is_no_comb():
+    """59.9 Hz and 259.4 Hz with its overtones are near multiples of 20 Hz; a spindle's lines are found all the same."""
+    hum, vibration = 59.9 * np.arange(1, 9), 259.4 * np.arange(1, 5)
+    assert find_comb(lines(hum, vibration), ANY).fundamental_hz == pytest.approx(19.96, abs=0.01)
+    assert find_any_comb(lines(hum, vibration), ANY).fundamental_hz == pytest.approx(59.9, abs=0.02)
+    assert find_any_comb(lines(hum[:4], MEASURED), ANY).fundamental_hz == pytest.approx(91.6, abs=0.02)
 
 
 @pytest.mark.parametrize(

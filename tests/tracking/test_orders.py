@@ -103,6 +103,26 @@ def test_a_wandering_speed_is_followed(corner_hz):
     assert np.sqrt(np.mean(np.square(off))) < 1.5e-3
 
 
+def test_faint_orders_tell_a_wandering_line_of_the_teeth():
+    """An order that wanders by 0.3 % has skirts as loud as the other ones, 30 dB fainter; they tell it all the same."""
+    t = np.arange(at(6)) / RATE_HZ
+    rotation_hz = 97.4 * (1 + 0.003 * np.sin(2 * np.pi * 0.3 * t))
+    clean = comb(6, rotation_hz, {1: 0.03, 2: 0.03, 3: 1.0, 4: 0.03, 5: 0.03})
+    residual, frames = take_out(clean + noise(6, 0.02))
+    assert {frame.source for frame in frames[60:]} == {"found"}
+    assert all(abs(frame.rotation_hz - 97.4) < 0.004 * 97.4 for frame in frames[60:])
+    assert power(residual - noise(6, 0.02), 4) < 0.05 * power(clean, 4)
+
+
+def test_a_pump_near_the_teeth_is_not_taken_for_them_for_long():
+    """It is followed as the told teeth while nothing is cut; those of a tool that enters are heard beside it."""
+    pump = comb(8, 100.2, {3: 1.0, 6: 0.2})
+    teeth = np.where(np.arange(at(8)) < at(3), 0.0, comb(8, 94.8, dict.fromkeys((1, 2, 3, 4, 5, 6, 9), 0.7)))
+    _, frames = take_out(pump + teeth + noise(8), SpindleSettings(60 * 97.5, 3))
+    assert frames[55].rotation_hz == pytest.approx(100.2, abs=0.1)
+    assert all(frame.rotation_hz == pytest.approx(94.8, abs=0.1) for frame in frames[130:])
+
+
 def test_a_new_speed_is_gone_by():
     """After set_spindle the comb of the new speed is found, within 3 s, and the old one is given up at once."""
     samples = np.concatenate([comb(4, TURNS_HZ, MILLING), comb(6, 40.4, MILLING)]) + noise(10)
