@@ -114,7 +114,7 @@ class CombFollower:
     @property
     def _has_few(self) -> bool:
         """Whether what is followed at a told speed has fewer clear lines than a comb at any other needs."""
-        return _is_told(self._followed) and 0 < self._clear < self._anything.fewest
+        return _is_told(self._followed) and self._clear < self._anything.fewest
 
     def forget(self) -> None:
         """Listen anew: the past is no longer like what comes."""
@@ -185,16 +185,26 @@ class CombFollower:
         return self._look(lengths, taken_hz, rotation_hz, mains_only=mains_only)
 
     def _go_on(self, search: Search) -> bool:
-        """Do a frame's part of a search; tell whether it has found a comb."""
+        """Do a frame's part of a search; tell whether it has found a comb that was not followed before."""
         try:
             next(search)
         except StopIteration as over:
             self._search = None
             if over.value is not None:
-                self.harmonics, self._followed = over.value
-                self._doubtful_frames = 0
-                return True
+                return self._take_up(*over.value)
         return False
+
+    def _take_up(self, found: Harmonics, target: Target) -> bool:
+        """Follow what was found, if that is at another speed, or has enough clear lines at the same; tell which."""
+        another = (
+            self.harmonics is None
+            or self._followed is not target
+            or abs(found.rotation_hz / self.harmonics.rotation_hz - 1.0) > ANOTHER_SPEED
+        )
+        if another or len(found.clear()) >= self._anything.fewest:
+            self.harmonics, self._followed = found, target
+            self._doubtful_frames = 0
+        return another
 
     def _check(self, harmonics: Harmonics, sidebands: Sidebands | None) -> None:
         """Give up a comb that has a vibration with sidebands among its lines, or has not been one for too long.
@@ -266,7 +276,7 @@ class CombFollower:
         """The comb of so many frames, if there is one: of the lines that stand out, or else with those beside them."""
         spectrum = self._spectrum(frames, last)
         found = self._among(spectrum.lines(), frames, last, taken_hz, rotation_hz)
-        if found is not None or taken_hz is not None:
+        if found is not None:
             return found
         found = self._among(spectrum.faint_lines(), frames, last, taken_hz, rotation_hz)
         return None if found is None or found.comb.evidence < ENOUGH else found._replace(faint=True)
@@ -290,11 +300,8 @@ class CombFollower:
             return Candidate(rival, self._anything) if new else None
         if comb is None or (self.doubts and not speaks_for(comb, rival, lines, self._target)):
             return None
-        if self.harmonics is not None and not self.doubts:
-            # by a lone line the angle is hardly known
-            another = abs(comb.fundamental_hz / self.harmonics.rotation_hz - 1.0) > ANOTHER_SPEED
-            better = comb.evidence > ENOUGH and (another or self._clear == 1)
-            return Candidate(comb, self._target) if better else None
+        if self.harmonics is not None and not self.doubts and comb.evidence < ENOUGH:
+            return None
         return Candidate(comb, self._target)
 
     def _any_comb(self, lines: Lines, last: int, target: Target, rotation_hz: float | None) -> Comb | None:
