@@ -7,7 +7,7 @@ import pytest
 
 from chatter_monitor.tracking.comb import Lines, Spectrum, Target
 from chatter_monitor.tracking.follower import CombFollower
-from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands
+from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands, may_be_sidebands
 from tests.signals import RATE_HZ
 
 SLOWEST_HZ = 5.0
@@ -53,6 +53,21 @@ def test_what_turns_has_none(others):
         some = np.roll(others, -first)
         assert find_sidebands(lines(some, seed=first), SLOWEST_HZ) is None
         assert find_sidebands(lines(some, seed=first), SLOWEST_HZ, Target(26.6, 28.6, 6)) is None
+
+
+@pytest.mark.parametrize(
+    ("carrier_hz", "comb_hz", "may_be"),
+    [
+        (165.6 * 17 / 9, 165.6 / 9, True),  # nearly a fraction of the spacing: all are multiples of a ninth of that
+        (165.6 * 17 / 9, 165.6, False),  # the forced lines are a comb, and leave the vibration
+        (165.6 * 5, 165.6, False),  # nothing is beside the forced lines
+    ],
+)
+def test_a_comb_that_takes_a_vibration_along_may_be_its_sidebands(carrier_hz, comb_hz, may_be):
+    """Where a vibration is on the comb, and it with sidebands explains as much."""
+    sidebands = 165.6 * np.array([-1, 1, -2, 2])
+    some = lines(carrier_hz, carrier_hz + sidebands, 2 * carrier_hz, 2 * carrier_hz - 165.6, 165.6 * np.array([2, 3]))
+    assert may_be_sidebands(some, comb_hz, SLOWEST_HZ) is may_be
 
 
 def test_where_the_speed_is_told_fewer_lines_are_enough():
