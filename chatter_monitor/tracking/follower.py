@@ -295,12 +295,13 @@ class CombFollower:
         new = frames == self._window and self.harmonics is None
         if comb is None and not new:
             return None
+        followed = self.harmonics is not None and not self.doubts
+        if followed and comb is not None and comb.evidence < ENOUGH:
+            return None  # too little to take the place of what is followed
         rival = self._any_comb(lines, last, self._anything, rotation_hz)
         if rival is not None and speaks_against(rival, comb, lines, self._target):
             return Candidate(rival, self._anything) if new else None
         if comb is None or (self.doubts and not speaks_for(comb, rival, lines, self._target)):
-            return None
-        if self.harmonics is not None and not self.doubts and comb.evidence < ENOUGH:
             return None
         return Candidate(comb, self._target)
 
