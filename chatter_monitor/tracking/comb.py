@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from chatter_monitor.kernels import comb as kernel
+from chatter_monitor.kernels.in_step import new_work as new_step_work
+from chatter_monitor.kernels.in_step import read_in_step, start_of
 from chatter_monitor.kernels.long_transform import LEAST_POINTS, Tables, new_tables, new_work, power_spectrum
 
 # Power of a line over the noise around it; noise alone reaches it about once in twenty spectra.
@@ -27,6 +29,12 @@ STRONGEST = 12
 FAINTEST = 1.0 / 400.0
 # Sidebands of a line are many, and as faint as this beside it (-40 dB).
 MANY, FAINT = 24, 1e-4
+# How far from its mean a line is followed in whose step the others are read, relatively and at least (Hz).
+STEP_WIDTH, LEAST_STEP_WIDTH_HZ = 0.012, 3.0
+# Time over which its frequency at the beginning is averaged.
+START_S = 0.25
+# And up to which of its multiples that is a comb's: one of a low fundamental passes near any frequency.
+HIGHEST_STEP = 8
 # Lines are this exact: of the spectrum's resolution, and of the frequency, for a speed that is not quite constant.
 EXACT_BINS = 0.7
 EXACT_SHARE = 3e-4
@@ -74,6 +82,37 @@ class Lines:
     def orders(self, fundamental_hz: float) -> NDArray[np.int64]:
         """Orders of the lines on multiples of a frequency, ascending."""
         return np.unique(np.round(self.frequency_hz[self.on(fundamental_hz)] / fundamental_hz).astype(np.int64))
+
+
+@dataclass(frozen=True, slots=True)
+class Led:
+    """Lines of a stretch that was read in step with one of them: what turns along is narrow there (`kernels.in_step`).
+
+    Attributes
+    ----------
+    lines : Lines
+        Faint ones, too.
+    leader_hz : float
+        Mean frequency of the line that was in step.
+    start : float
+        Its frequency at the beginning, as a part of that.
+    """
+
+    lines: Lines
+    leader_hz: float
+    start: float
+
+    def evidence(self) -> Lines:
+        """Lines that tell what turns: not the overtones of the strongest, which are in step with it whatever it is."""
+        hertz = self.lines.frequency_hz
+        if not len(hertz):
+            return self.lines
+        return self.lines.without(self.lines.on(hertz[0]) & (hertz > 1.5 * hertz[0]))
+
+    def admits(self, fundamental_hz: float) -> bool:
+        """Whether the line that was in step is beside a comb of this fundamental, or one of its first multiples."""
+        leader = int(np.argmin(np.abs(self.lines.frequency_hz - self.leader_hz)))
+        return not self.lines.on(fundamental_hz)[leader] or self.leader_hz < (HIGHEST_STEP + 0.5) * fundamental_hz
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +216,7 @@ class Spectrum:
 
     def __init__(self, samples: int, sample_rate_hz: float, lowest_hz: float) -> None:
         self._window = _window(samples)
+        self._rate_hz = sample_rate_hz
         self._size = max(LEAST_POINTS, 1 << (samples - 1).bit_length())
         self._bin_hz = sample_rate_hz / self._size
         self._exact_hz = EXACT_BINS * sample_rate_hz / samples
@@ -194,6 +234,17 @@ class Spectrum:
             np.multiply(samples, self._window[part], out=self._windowed[part])
             begin = part.stop
         power_spectrum(self._windowed, _tables(self._size), new_work(self._size), self._power)
+
+    def lines_in_step(self, leader_hz: float, *pieces: NDArray[np.float64]) -> Led | None:
+        """Lines of a stretch read in step with one of them, faint ones, too; None where that leads nowhere."""
+        samples = np.concatenate(pieces)
+        width_hz = max(STEP_WIDTH * leader_hz, LEAST_STEP_WIDTH_HZ)
+        read, work = np.empty(len(samples)), new_step_work(len(samples))
+        leader = read_in_step(samples, leader_hz / self._rate_hz, width_hz / self._rate_hz, work, read)
+        if math.isnan(leader):
+            return None
+        self.transform(read)
+        return Led(self.faint_lines(), leader * self._rate_hz, start_of(work, round(START_S * self._rate_hz)))
 
     def lines(self) -> Lines:
         """The strongest lines of the stretch that stand out of the noise around them."""

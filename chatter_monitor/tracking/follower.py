@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections import deque
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -14,6 +16,7 @@ from chatter_monitor.kernels.heard import WANDER
 from chatter_monitor.tracking.comb import (
     ENOUGH,
     Comb,
+    Led,
     Lines,
     Spectrum,
     Target,
@@ -28,17 +31,32 @@ from chatter_monitor.tracking.harmonics import Harmonics
 from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands, may_be_sidebands
 from chatter_monitor.tracking.turns import TURNS, Piecemeal, in_turn
 
+OFTEN = 5  # times within a window that a comb of unknown speed is looked for, while none is known
 CHECK_FRAMES = 5  # from one look at whether it still is a comb to the next
 ANOTHER_SPEED = 0.01  # relatively: more than a spindle wanders
 CATCH_UP_FRAMES = 16  # of the past that a new comb is followed through while one comes in
 
 
+class Beside(NamedTuple):
+    """What is known of the rest while a comb is looked for; each field as in `CombFollower.end_frame`."""
+
+    taken_hz: float | None = None
+    rotation_hz: float | None = None
+    mains_only: bool = False
+
+    @property
+    def nothing(self) -> bool:
+        """Whether any comb may be that of what forces the cut, for none has been taken out."""
+        return self.taken_hz is None and not self.mains_only
+
+
 class Candidate(NamedTuple):
-    """A comb that was found, what it was found as, a target that it has to go on being, and if by faint lines only."""
+    """A comb that was found, a target that it has to go on being, and whether by faint lines or in step with one."""
 
     comb: Comb
     target: Target
     faint: bool = False
+    led: Led | None = None
 
 
 # Goes on frame by frame, to harmonics that stand, and what they were found as.
@@ -170,10 +188,10 @@ class CombFollower:
         # What was told may be heard again beside what is followed; and few lines near the teeth may be those of a pump.
         looks = self.harmonics is None or self.doubts or self._has_few
         if looks and self._rest <= 0 and self._search is None:
-            self._search = self._begin(taken_hz, rotation_hz, mains_only=mains_only)
+            self._search = self._begin(Beside(taken_hz, rotation_hz, mains_only))
         return self._search is not None and self._go_on(self._search)
 
-    def _begin(self, taken_hz: float | None, rotation_hz: float | None, *, mains_only: bool) -> Search | None:
+    def _begin(self, beside: Beside) -> Search | None:
         """Begin a search, if enough has been heard."""
         # A range that is narrow needs less to be sure. A speed that wanders blurs a line the more the longer one looks,
         # and is steady enough at one time or another.
@@ -181,8 +199,11 @@ class CombFollower:
         lengths = [frames for frames in wanted if frames <= self._heard]
         if not lengths:
             return None
-        self._rest = 0 if self._known and self.harmonics is None else self._window // 2
-        return self._look(lengths, taken_hz, rotation_hz, mains_only=mains_only)
+        if self.harmonics is None and self._known:
+            self._rest = 0
+        else:
+            self._rest = self._window // (OFTEN if beside.nothing and not self._known else 2)
+        return self._look(lengths, beside)
 
     def _go_on(self, search: Search) -> bool:
         """Do a frame's part of a search; tell whether it has found a comb that was not followed before."""
@@ -253,15 +274,13 @@ class CombFollower:
     def _latest(self, frames: int) -> NDArray[np.float64]:
         return self._past[np.arange(self.frames - frames + 1, self.frames + 1) % len(self._past)]
 
-    def _look(
-        self, lengths: list[int], taken_hz: float | None, rotation_hz: float | None, *, mains_only: bool
-    ) -> Search:
+    def _look(self, lengths: list[int], beside: Beside) -> Search:
         """Look for a comb in so many of the last frames, and follow it from there to now."""
         for frames in lengths:
             begun = self.frames
-            search = partial(self._candidate, frames, begun, taken_hz, rotation_hz)
+            search = partial(self._candidate, frames, begun, beside)
             found = (yield from in_turn(self._turn, search)) if self._known else search()
-            if found is not None and (is_mains(found.comb.fundamental_hz) or not mains_only):
+            if found is not None and (is_mains(found.comb.fundamental_hz) or not beside.mains_only):
                 harmonics = yield from self._follow(found, frames, self.frames - begun)
                 if harmonics is not None:
                     return harmonics, found.target
@@ -272,23 +291,42 @@ class CombFollower:
         """Whether it is after the comb of a known speed. Any other is worth a long frame: waiting costs alarms."""
         return _is_told(self._target)
 
-    def _candidate(self, frames: int, last: int, taken_hz: float | None, rotation_hz: float | None) -> Candidate | None:
-        """The comb of so many frames, if there is one: of the lines that stand out, or else with those beside them."""
+    def _candidate(self, frames: int, last: int, beside: Beside) -> Candidate | None:
+        """The comb of so many frames, if there is one: of the lines that stand out, or else with those beside them.
+
+        Or else, while no comb is known, of the lines that are seen in step with the strongest.
+        """
         spectrum = self._spectrum(frames, last)
-        found = self._among(spectrum.lines(), frames, last, taken_hz, rotation_hz)
+        strong = spectrum.lines()
+        found = self._among(strong, frames, last, beside)
         if found is not None:
             return found
-        found = self._among(spectrum.faint_lines(), frames, last, taken_hz, rotation_hz)
-        return None if found is None or found.comb.evidence < ENOUGH else found._replace(faint=True)
+        found = self._among(spectrum.faint_lines(), frames, last, beside)
+        if found is not None and found.comb.evidence > ENOUGH:
+            return found._replace(faint=True)
+        if self._known or not beside.nothing or not len(strong.frequency_hz):
+            return None
+        leader_hz = float(strong.frequency_hz[0])
+        led = self._in_step(leader_hz, frames, last)
+        if led is None:
+            return None
+        comb = self._any_comb(led.evidence(), lambda: led.lines, self._target, beside)
+        if comb is None or not led.admits(comb.fundamental_hz):
+            return None
+        return Candidate(comb, self._target, led=led)
 
-    def _among(
-        self, lines: Lines, frames: int, last: int, taken_hz: float | None, rotation_hz: float | None
-    ) -> Candidate | None:
+    def _in_step(self, leader_hz: float, frames: int, last: int) -> Led | None:
+        """Lines of so many frames up to one, read in step with one of them."""
+        spectrum = self._spectrum(frames, last)
+        self._transformed.pop(frames, None)
+        return spectrum.lines_in_step(leader_hz, *self._pieces(frames, last))
+
+    def _among(self, lines: Lines, frames: int, last: int, beside: Beside) -> Candidate | None:
         """The comb among lines of so many frames."""
-        if taken_hz is not None:
-            lines = lines.without(lines.on(taken_hz))
+        if beside.taken_hz is not None:
+            lines = lines.without(lines.on(beside.taken_hz))
         if not self._known:
-            comb = self._any_comb(lines, last, self._target, rotation_hz)
+            comb = self._any_comb(lines, partial(self.faint_lines, last), self._target, beside)
             return None if comb is None else Candidate(comb, self._target)
         comb = find_comb(lines, self._target)
         # half a window is enough to doubt what was told, but not to believe anything else
@@ -298,53 +336,67 @@ class CombFollower:
         followed = self.harmonics is not None and not self.doubts
         if followed and comb is not None and comb.evidence < ENOUGH:
             return None  # too little to take the place of what is followed
-        rival = self._any_comb(lines, last, self._anything, rotation_hz)
+        rival = self._any_comb(lines, partial(self.faint_lines, last), self._anything, beside)
         if rival is not None and speaks_against(rival, comb, lines, self._target):
             return Candidate(rival, self._anything) if new else None
         if comb is None or (self.doubts and not speaks_for(comb, rival, lines, self._target)):
             return None
         return Candidate(comb, self._target)
 
-    def _any_comb(self, lines: Lines, last: int, target: Target, rotation_hz: float | None) -> Comb | None:
-        """A comb among lines that is not that of a vibration with sidebands, or one that has locked to the spindle."""
+    def _any_comb(self, lines: Lines, faint: Callable[[], Lines], target: Target, beside: Beside) -> Comb | None:
+        """A comb among lines that is not that of a vibration with sidebands, or one that has locked to the spindle.
+
+        Sidebands are looked for among faint lines, which cost more.
+        """
         comb = find_any_comb(lines, target)
-        if comb is not None and rotation_hz is not None and is_locked(comb.fundamental_hz, rotation_hz):
+        if comb is not None and beside.rotation_hz is not None and is_locked(comb.fundamental_hz, beside.rotation_hz):
             lines = lines.without(lines.on(comb.fundamental_hz))
             comb = find_any_comb(lines, target)
         if comb is None or not self.has_heard_enough:
             return comb
-        faint = self.faint_lines(last)
-        sidebands = find_sidebands(faint, target.low_hz)
+        with_sidebands = faint()
+        sidebands = find_sidebands(with_sidebands, target.low_hz)
         if sidebands is not None and sidebands.on(comb.fundamental_hz):
             comb = find_any_comb(lines.without(sidebands.of(lines)), target)
         if comb is None or is_mains(comb.fundamental_hz):
             return comb
-        return None if may_be_sidebands(faint, comb.fundamental_hz, target.low_hz) else comb
+        return None if may_be_sidebands(with_sidebands, comb.fundamental_hz, target.low_hz) else comb
 
     def _follow(self, found: Candidate, frames: int, ago: int) -> Piecemeal[Harmonics | None]:
         """Follow a comb through the frames in which it was found, so many frames ago, and on to now."""
         comb, target = found.comb, found.target
+        start_hz = comb.fundamental_hz * (1.0 if found.led is None else found.led.start)
         sd_hz = max(comb.fundamental_sd_hz, WANDER * comb.fundamental_hz)
-        harmonics = Harmonics(
-            comb.fundamental_hz, sd_hz, self._rate_hz, memory_s=self._memory_s, lowest_hz=self._lowest_hz
-        )
+        harmonics = Harmonics(start_hz, sd_hz, self._rate_hz, memory_s=self._memory_s, lowest_hz=self._lowest_hz)
         nothing = np.empty(self._past.shape[1])
+        lately = frames - frames // 2
+        speeds_hz = deque[float](maxlen=lately)
         behind = frames + ago
         at_once = CATCH_UP_FRAMES if self._known else behind
         while behind:
             for samples in self._latest(behind)[:at_once]:
                 harmonics.subtract(samples, nothing)
                 harmonics.learn()
+                speeds_hz.append(harmonics.rotation_hz)
                 behind -= 1
             if behind:
                 yield
                 behind += 1
         # A self-excited vibration that crosses an order takes the harmonics along, away from where the other lines are.
-        now_hz = harmonics.rotation_hz
-        spectrum = self._spectrum(frames - frames // 2, self.frames)
-        lines = spectrum.faint_lines() if found.faint else spectrum.lines()
-        stands = target.stands(harmonics.clear(), now_hz) and target.stands(lines.orders(now_hz), now_hz)
+        # These are at multiples of the mean speed.
+        mean_hz = sum(speeds_hz) / lately
+        orders = self._lines_like(found, mean_hz, lately).orders(mean_hz)
+        stands = target.stands(harmonics.clear(), harmonics.rotation_hz) and target.stands(orders, mean_hz)
         return harmonics if stands else None
+
+    def _lines_like(self, found: Candidate, mean_hz: float, frames: int) -> Lines:
+        """Lines of the latest frames, told as those were by which a comb was found; its mean speed is that by now."""
+        if found.led is not None:
+            led = self._in_step(found.led.leader_hz * mean_hz / found.comb.fundamental_hz, frames, self.frames)
+            if led is not None:
+                return led.lines
+        spectrum = self._spectrum(frames, self.frames)
+        return spectrum.faint_lines() if found.faint else spectrum.lines()
 
 
 def _is_told(target: Target) -> bool:

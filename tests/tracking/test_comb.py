@@ -9,6 +9,7 @@ from chatter_monitor.tracking.comb import (
     ENOUGH,
     STRONGEST,
     Comb,
+    Led,
     Lines,
     Spectrum,
     Target,
@@ -197,3 +198,38 @@ def test_what_comes_back_after_some_rotations_only_has_locked(rotations, locked)
 def test_the_mains_lock_to_nothing():
     assert not is_locked(50.0, 100.0)
     assert is_locked(52.0, 104.0)
+
+
+def test_lines_hidden_by_one_that_wanders_are_seen_in_step_with_it():
+    """Other multiples of a spindle are as broad as they are high and 36 dB fainter: no comb, until in step."""
+    samples = 32_640
+    t = np.arange(samples) / RATE_HZ
+    angle = 2 * np.pi * np.cumsum(97.4 * (1 + 0.003 * np.sin(2 * np.pi * 0.6 * t))) / RATE_HZ
+    heard = np.cos(3 * angle) + 0.015 * sum(np.cos(n * angle + n) for n in (2, 10, 11, 13, 16))
+    heard += 0.02 * np.random.default_rng(3).standard_normal(samples)
+    spectrum = Spectrum(samples, RATE_HZ, 20.0)
+    spectrum.transform(heard)
+    leader_hz = spectrum.lines().frequency_hz[0]
+    assert find_comb(spectrum.lines(), ANY) is None
+    assert find_comb(spectrum.faint_lines(), ANY) is None
+    led = spectrum.lines_in_step(leader_hz, heard[:1000], heard[1000:])
+    assert led.leader_hz == pytest.approx(3 * 97.4, rel=1e-3)
+    assert led.leader_hz * led.start == pytest.approx(3 * 97.4 * (1 + 0.003 * np.sin(2 * np.pi * 0.075)), rel=1e-3)
+    comb = find_comb(led.evidence(), ANY)
+    assert comb.fundamental_hz == pytest.approx(led.leader_hz / 3, rel=1e-4)
+    assert led.admits(comb.fundamental_hz)
+
+
+def test_overtones_of_the_strongest_line_are_in_step_and_no_evidence():
+    led = Led(lines([211.0, 633.0, 422.0, 844.0, 53.0, 159.0]), 211.0, 1.0)
+    assert led.evidence().frequency_hz.tolist() == [211.0, 53.0, 159.0]
+    assert Led(lines([]), 211.0, 1.0).evidence().frequency_hz.tolist() == []
+
+
+@pytest.mark.parametrize(
+    ("fundamental_hz", "admitted"),
+    [(91.6, True), (91.6 * 4 / 8, True), (91.6 * 4 / 9, False), (61.3, True)],
+)
+def test_the_leader_is_a_low_multiple_or_beside_the_comb(fundamental_hz, admitted):
+    """The fourth or the eighth, but not the ninth; what is no multiple may be a vibration beside what turns."""
+    assert Led(lines([366.4, 300.0, 201.0]), 366.3, 1.0).admits(fundamental_hz) is admitted

@@ -114,6 +114,19 @@ def test_faint_orders_tell_a_wandering_line_of_the_teeth():
     assert power(residual - noise(6, 0.02), 4) < 0.05 * power(clean, 4)
 
 
+def test_a_comb_is_heard_in_step_with_its_loudest_line():
+    """Where the others are fainter than its skirts in every window; as loud a vibration of its own is left alone."""
+    t = np.arange(at(7)) / RATE_HZ
+    rotation_hz = 97.4 * (1 + 0.003 * np.sin(2 * np.pi * 0.9 * t))
+    clean = comb(7, rotation_hz, {3: 1.0, **dict.fromkeys((2, 10, 11, 13, 16), 0.015)})
+    _, frames = take_out(clean + noise(7, 0.02))
+    assert {frame.source for frame in frames[80:]} == {"found"}
+    assert all(abs(frame.rotation_hz - 97.4) < 0.004 * 97.4 for frame in frames[80:])
+    vibration = comb(7, 221.0 * (1 + 0.003 * np.sin(2 * np.pi * 0.9 * t)), {1: 1.0, 2: 0.1, 3: 0.1, 4: 0.03, 5: 0.02})
+    _, frames = take_out(vibration + noise(7, 0.02))
+    assert {frame.source for frame in frames} == {None}
+
+
 def test_a_pump_near_the_teeth_is_not_taken_for_them_for_long():
     """It is followed as the told teeth while nothing is cut; those of a tool that enters are heard beside it."""
     pump = comb(8, 100.2, {3: 1.0, 6: 0.2})
