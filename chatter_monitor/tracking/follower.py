@@ -254,6 +254,11 @@ class CombFollower:
         """Lines of the window up to a frame, one of the latest few, with faint ones among them."""
         return self._spectrum(self._window, last).faint_lines()
 
+    def lines_in_step(self, last: int) -> Lines | None:
+        """Lines of the same window, read in step with the strongest."""
+        led = self._led(self._window, last)
+        return None if led is None else led.lines
+
     def _spectrum(self, frames: int, last: int) -> Spectrum:
         """Spectrum of so many frames of the past, up to one."""
         if frames not in self._spectra:  # there are few lengths: the window, and halves of it
@@ -297,23 +302,24 @@ class CombFollower:
         Or else, while no comb is known, of the lines that are seen in step with the strongest.
         """
         spectrum = self._spectrum(frames, last)
-        strong = spectrum.lines()
-        found = self._among(strong, frames, last, beside)
+        found = self._among(spectrum.lines(), frames, last, beside)
         if found is not None:
             return found
         found = self._among(spectrum.faint_lines(), frames, last, beside)
         if found is not None and found.comb.evidence > ENOUGH:
             return found._replace(faint=True)
-        if self._known or not beside.nothing or not len(strong.frequency_hz):
-            return None
-        leader_hz = float(strong.frequency_hz[0])
-        led = self._in_step(leader_hz, frames, last)
+        led = None if self._known or not beside.nothing else self._led(frames, last)
         if led is None:
             return None
         comb = self._any_comb(led.evidence(), lambda: led.lines, self._target, beside)
         if comb is None or not led.admits(comb.fundamental_hz):
             return None
         return Candidate(comb, self._target, led=led)
+
+    def _led(self, frames: int, last: int) -> Led | None:
+        """Lines of so many frames up to one, read in step with the strongest."""
+        strongest = self._spectrum(frames, last).lines().frequency_hz[:1].tolist()
+        return self._in_step(strongest[0], frames, last) if strongest else None
 
     def _in_step(self, leader_hz: float, frames: int, last: int) -> Led | None:
         """Lines of so many frames up to one, read in step with one of them."""

@@ -314,8 +314,13 @@ class OrderTracker:
         return not (locked or is_mains(comb_hz))
 
     def _find_sidebands(self, last: int) -> Sidebands | None:
+        """A vibration wanders, and its sidebands with it: in step with it they are narrow."""
         told = self._target() if self._believed else None
-        return find_sidebands(self._followers[0].faint_lines(last), self._settings.slowest_hz, told)
+        found = find_sidebands(self._followers[0].faint_lines(last), self._settings.slowest_hz, told)
+        if found is not None:
+            return found
+        lines = self._followers[0].lines_in_step(last)
+        return None if lines is None else find_sidebands(lines, self._settings.slowest_hz, told)
 
     def finish(self) -> list[Orders]:
         """What can be said of the last, shorter frame."""

@@ -285,6 +285,22 @@ def test_sidebands_are_told_as_long_as_they_are_there(spindle):
     assert told[heard[-1]].spacing_hz / 60.0 == pytest.approx(3, abs=0.01)
 
 
+@pytest.mark.parametrize("spindle", [UNKNOWN, SpindleSettings(60 * 60.5, 3)])
+def test_sidebands_of_a_vibration_that_wanders_are_told(spindle):
+    """Each is as broad as that is, too broad for a line; in step with the vibration all are narrow."""
+    t = np.arange(at(8)) / RATE_HZ
+    angle = 2 * np.pi * np.cumsum(1031.0 * (1 + 0.003 * np.sin(2 * np.pi * 0.9 * t))) / RATE_HZ
+    teeth = 2 * np.pi * 3 * 60.0 * t
+    around = 1 + 0.3 * sum(np.cos(n * teeth + n) for n in (1, 2, 3))
+    chatter = around * np.cos(angle) + 0.15 * (1 + 0.3 * np.cos(teeth)) * np.cos(2 * angle)
+    _, frames = take_out(chatter + noise(8, 0.03), spindle)
+    told = [frame.sidebands for frame in frames[100:]]
+    assert all(told)
+    assert all(round(180.0 / each.spacing_hz) * each.spacing_hz == pytest.approx(180.0, rel=5e-3) for each in told)
+    assert all(each.spacing_hz > 59.0 for each in told)  # of the rotation or the teeth
+    assert all(each.carrier_hz == pytest.approx(1031.0, rel=4e-3) for each in told)
+
+
 @pytest.mark.parametrize("spindle", [UNKNOWN, GIVEN])
 def test_what_turns_has_no_sidebands(spindle):
     """Not even one that is told 2 % off, with teeth that are not alike, before it is found or after."""
