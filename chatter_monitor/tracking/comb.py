@@ -293,11 +293,29 @@ def find_any_comb(lines: Lines, target: Target) -> Comb | None:
     comb = find_comb(lines, target)
     if comb is None or is_mains(comb.fundamental_hz):
         return comb
+    hum = _hum(lines)
+    return comb if hum is None else find_comb(lines.without(lines.on(hum.fundamental_hz)), target) or hum
+
+
+def find_told_comb(lines: Lines, told: Target) -> Comb | None:
+    """The comb of a told spindle for which there is most evidence; what the mains explain is nothing to be explained.
+
+    The more lines there are that are not its own, the more of its own it takes to tell it from chance.
+    """
+    hum = _hum(lines)
+    beside_hum = (
+        lines if hum is None or told.may_be(hum.fundamental_hz) else lines.without(lines.on(hum.fundamental_hz))
+    )
+    return find_comb(beside_hum, told)
+
+
+def _hum(lines: Lines) -> Comb | None:
+    """The comb of the mains, if it is among lines."""
     for mains_hz in MAINS_HZ:
         hum = find_comb(lines, Target((1.0 - MAINS_KEEP) * mains_hz, (1.0 + MAINS_KEEP) * mains_hz))
         if hum is not None:
-            return find_comb(lines.without(lines.on(hum.fundamental_hz)), target) or hum
-    return comb
+            return hum
+    return None
 
 
 def speaks_against(rival: Comb, comb: Comb | None, lines: Lines, told: Target) -> bool:

@@ -21,7 +21,7 @@ from chatter_monitor.tracking.comb import (
     Spectrum,
     Target,
     find_any_comb,
-    find_comb,
+    find_told_comb,
     is_locked,
     is_mains,
     speaks_against,
@@ -334,7 +334,7 @@ class CombFollower:
         if not self._known:
             comb = self._any_comb(lines, partial(self.faint_lines, last), self._target, beside)
             return None if comb is None else Candidate(comb, self._target)
-        comb = find_comb(lines, self._target)
+        comb = find_told_comb(lines, self._target)
         # half a window is enough to doubt what was told, but not to believe anything else
         new = frames == self._window and self.harmonics is None
         if comb is None and not new:

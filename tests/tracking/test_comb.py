@@ -15,6 +15,7 @@ from chatter_monitor.tracking.comb import (
     Target,
     find_any_comb,
     find_comb,
+    find_told_comb,
     is_locked,
     speaks_against,
     speaks_for,
@@ -64,6 +65,15 @@ def test_a_divisor_of_the_mains_and_of_a_vibration_is_no_comb():
     assert find_comb(lines(hum, vibration), ANY).fundamental_hz == pytest.approx(19.96, abs=0.01)
     assert find_any_comb(lines(hum, vibration), ANY).fundamental_hz == pytest.approx(59.9, abs=0.02)
     assert find_any_comb(lines(hum[:4], MEASURED), ANY).fundamental_hz == pytest.approx(91.6, abs=0.02)
+
+
+def test_a_told_spindle_is_heard_beside_the_mains():
+    """Two lines of its teeth among eight of the mains; one that turns as fast as these hum is all theirs."""
+    hum, told = 60.0 * np.arange(1, 9), Target(0.965 * 26.95, 1.035 * 26.95, 6)
+    heard = lines(hum, [163.9, 491.8, 1012.3])
+    assert find_comb(heard, told) is None
+    assert find_told_comb(heard, told).fundamental_hz == pytest.approx(27.32, abs=0.02)
+    assert find_told_comb(lines(hum), Target(0.965 * 59.0, 1.035 * 59.0, 4)).fundamental_hz == pytest.approx(60.0)
 
 
 @pytest.mark.parametrize(
