@@ -234,6 +234,7 @@ class CombFollower:
         """
         if sidebands is not None and not _is_told(self._followed) and sidebands.on(harmonics.rotation_hz):
             self.harmonics = None
+            self._rest = self._window // 2  # or it would be found again in what has not changed
             return
         if self.frames % CHECK_FRAMES == 0:
             clear = harmonics.clear()
