@@ -262,14 +262,18 @@ class CombFollower:
 
     def _spectrum(self, frames: int, last: int) -> Spectrum:
         """Spectrum of so many frames of the past, up to one."""
-        if frames not in self._spectra:  # there are few lengths: the window, and halves of it
-            samples = frames * self._past.shape[1]
-            self._spectra[frames] = Spectrum(samples, self._rate_hz, self._lowest_hz)
-        spectrum = self._spectra[frames]
+        spectrum = self._spectrum_of(frames)
         if self._transformed.get(frames) != last:  # a search asks for the same one twice
             self._transformed[frames] = last
             spectrum.transform(*self._pieces(frames, last))
         return spectrum
+
+    def _spectrum_of(self, frames: int) -> Spectrum:
+        """What transforms so many frames, whatever it has transformed last."""
+        if frames not in self._spectra:  # there are few lengths: the window, and halves of it
+            samples = frames * self._past.shape[1]
+            self._spectra[frames] = Spectrum(samples, self._rate_hz, self._lowest_hz)
+        return self._spectra[frames]
 
     def _pieces(self, frames: int, last: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Samples of so many frames of the past, up to one: the past is a ring."""
@@ -324,9 +328,8 @@ class CombFollower:
 
     def _in_step(self, leader_hz: float, frames: int, last: int) -> Led | None:
         """Lines of so many frames up to one, read in step with one of them."""
-        spectrum = self._spectrum(frames, last)
         self._transformed.pop(frames, None)
-        return spectrum.lines_in_step(leader_hz, *self._pieces(frames, last))
+        return self._spectrum_of(frames).lines_in_step(leader_hz, *self._pieces(frames, last))
 
     def _among(self, lines: Lines, frames: int, last: int, beside: Beside) -> Candidate | None:
         """The comb among lines of so many frames."""
