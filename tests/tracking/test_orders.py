@@ -127,6 +127,27 @@ def test_a_comb_is_heard_in_step_with_its_loudest_line():
     assert {frame.source for frame in frames} == {None}
 
 
+@pytest.mark.parametrize("phase", [0.0, 4.5])
+@pytest.mark.parametrize(
+    "amplitudes", [{3: 1.0, **dict.fromkeys((1, 2, 4, 5, 7), 0.3)}, {3: 1.0, **dict.fromkeys((2, 10, 11, 13, 16), 0.015)}]
+)
+def test_a_speed_that_swings_is_known_as_soon_as_a_window_is_whole(amplitudes, phase):
+    """Wherever the swing of 0.8 % is at the begin of the window and at its end; in step with the loudest line, too."""
+    swing = 0.008 * np.sin(2 * np.pi * 0.9 * np.arange(at(4)) / RATE_HZ + phase)
+    _, frames = take_out(comb(4, 97.4 * (1 + swing), amplitudes) + noise(4, 0.02))
+    assert {frame.source for frame in frames[52:]} == {"found"}
+    assert all(abs(frame.rotation_hz - 97.4) < 0.012 * 97.4 for frame in frames[52:])
+
+
+def test_a_told_spindle_is_followed_beside_the_mains():
+    """Three lines of its teeth, among twelve that hum three times as loud."""
+    hum = comb(5, 60.0, dict.fromkeys(range(1, 13), 1.0))
+    teeth = comb(5, 26.37, {6: 0.3, 12: 0.3, 18: 0.2})
+    _, frames = take_out(hum + teeth + noise(5), SpindleSettings(60 * 26.0, 6))
+    assert {frame.source for frame in frames[60:]} == {"refined"}
+    assert all(frame.rotation_hz == pytest.approx(26.37, abs=0.02) for frame in frames[60:])
+
+
 def test_a_pump_near_the_teeth_is_not_taken_for_them_for_long():
     """It is followed as the told teeth while nothing is cut; those of a tool that enters are heard beside it."""
     pump = comb(8, 100.2, {3: 1.0, 6: 0.2})
