@@ -129,7 +129,8 @@ def test_a_comb_is_heard_in_step_with_its_loudest_line():
 
 @pytest.mark.parametrize("phase", [0.0, 4.5])
 @pytest.mark.parametrize(
-    "amplitudes", [{3: 1.0, **dict.fromkeys((1, 2, 4, 5, 7), 0.3)}, {3: 1.0, **dict.fromkeys((2, 10, 11, 13, 16), 0.015)}]
+    "amplitudes",
+    [{3: 1.0, **dict.fromkeys((1, 2, 4, 5, 7), 0.3)}, {3: 1.0, **dict.fromkeys((2, 10, 11, 13, 16), 0.015)}],
 )
 def test_a_speed_that_swings_is_known_as_soon_as_a_window_is_whole(amplitudes, phase):
     """Wherever the swing of 0.8 % is at the begin of the window and at its end; in step with the loudest line, too."""
