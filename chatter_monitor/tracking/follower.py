@@ -43,6 +43,7 @@ class Beside(NamedTuple):
     taken_hz: float | None = None
     rotation_hz: float | None = None
     mains_only: bool = False
+    sidebands: Sidebands | None = None
 
     @property
     def nothing(self) -> bool:
@@ -188,7 +189,7 @@ class CombFollower:
         # What was told may be heard again beside what is followed; and few lines near the teeth may be those of a pump.
         looks = self.harmonics is None or self.doubts or self._has_few
         if looks and self._rest <= 0 and self._search is None:
-            self._search = self._begin(Beside(taken_hz, rotation_hz, mains_only))
+            self._search = self._begin(Beside(taken_hz, rotation_hz, mains_only, sidebands))
         return self._search is not None and self._go_on(self._search)
 
     def _begin(self, beside: Beside) -> Search | None:
@@ -365,7 +366,7 @@ class CombFollower:
         if comb is None or not self.has_heard_enough:
             return comb
         with_sidebands = faint()
-        sidebands = find_sidebands(with_sidebands, target.low_hz)
+        sidebands = find_sidebands(with_sidebands, target.low_hz) or beside.sidebands
         if sidebands is not None and sidebands.on(comb.fundamental_hz):
             comb = find_any_comb(lines.without(sidebands.of(lines)), target)
         if comb is None or is_mains(comb.fundamental_hz):

@@ -130,3 +130,14 @@ def test_a_comb_of_no_told_speed_that_has_the_vibration_is_given_up(known, carri
     found = None if carrier is None else Sidebands(carrier * rotation_hz, 0.5, 165.6, 40.0)
     follower.end_frame(frames[-1], sidebands=found)
     assert (follower.harmonics is not None) is stays
+
+
+@pytest.mark.parametrize(("sidebands", "found"), [(None, True), (Sidebands(10 * 60.0, 0.5, 3 * 60.0, 20.0), False)])
+def test_lines_of_a_vibration_whose_sidebands_are_known_make_no_comb(sidebands, found):
+    """However often it is looked for; the lines of this one are multiples of a tenth of its frequency."""
+    frame, anything = 640, Target(5.0, 250.0)
+    follower = CombFollower(anything, anything, frame, RATE_HZ, window_s=2.55, memory_s=1.0, lowest_hz=20.0, lost_s=1.5)
+    angle = 2.0 * np.pi * 60.0 * np.arange(140 * frame) / RATE_HZ
+    frames = sum(np.cos(order * angle + order) for order in (4, 7, 10, 13, 16)).reshape(-1, frame)
+    told = [follower.end_frame(samples, sidebands=sidebands) for samples in frames]
+    assert any(told) is found
