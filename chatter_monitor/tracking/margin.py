@@ -18,15 +18,17 @@ from chatter_monitor.tracking.regeneration import Fit
 Interval = tuple[float, float]
 
 _CONFIDENCE_95 = 1.96
-# Standard deviation of kappa, over itself, because of what the model leaves out: other modes, loads that vary, paths to
-# the sensor that are not smooth. With it the errors in the development cuts of `benchmarks.verdict` are likeliest.
-_LEFT_OUT = 0.08
+# Standard deviation of kappa, over itself, because of what the model leaves out: other modes and loads that vary; and,
+# over the waves within the delay, paths to the sensor that are not smooth, which look like a delay of few waves. With
+# about both the errors in the development cuts of `benchmarks.verdict` are likeliest.
+_LEFT_OUT, _LEFT_OUT_OF_ONE_WAVE = 0.05, 0.3
 # Regeneration is visible when kappa, and its ratio to the critical one, are so many standard deviations above zero.
 _VISIBLE = 2.0
 _PHYSICAL = [LOG_OMEGA, LOG_ZETA, KAPPA, LOG_TAU]
 _PAIRS = np.ix_(_PHYSICAL, _PHYSICAL)
 _OF_KAPPA = 2 * (_PHYSICAL.index(KAPPA),)  # its variance among theirs
 UNLIKE = "the spectrum is not that of one mode with regeneration"
+UNTOLD = "beside the strongest vibration stands another one, and how near to chatter that is cannot be told"
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,11 @@ def margin_of(found: Fit, lack_of_fit: float) -> Margin:
     if not np.isfinite(covariance).all():
         return Margin(reason=UNLIKE)
     omega, zeta, kappa, tau = _natural(physical)
-    covariance[_OF_KAPPA] += (_LEFT_OUT * kappa) ** 2
+    waves = omega * tau / (2.0 * math.pi)
+    covariance[_OF_KAPPA] += (_LEFT_OUT**2 + (_LEFT_OUT_OF_ONE_WAVE / waves) ** 2) * kappa**2
+    kappa_sd = math.sqrt(covariance[_OF_KAPPA])
+    if kappa < -_VISIBLE * kappa_sd:  # no cut pulls its tool in
+        return Margin(reason=UNLIKE)
     root = rightmost_root(omega, zeta, kappa, tau)
     gradients = np.empty((2, len(physical)))
     sensitivity(physical, root, 1e-5, gradients)
@@ -88,7 +94,6 @@ def margin_of(found: Fit, lack_of_fit: float) -> Margin:
     if not math.isfinite(ratio_sd + damping_sd):
         return Margin(reason=UNLIKE)
     low, high = ratio - _CONFIDENCE_95 * ratio_sd, ratio + _CONFIDENCE_95 * ratio_sd
-    kappa_sd = math.sqrt(covariance[_OF_KAPPA])
     margin = Margin(
         frequency_hz=omega / (2.0 * math.pi),
         damping_ratio=zeta,
@@ -122,9 +127,11 @@ def _percent(ratio: float) -> float:
 
 
 def beside(strongest: Margin, other: Margin | None) -> Margin:
-    """Margin of the strongest mode; none where another one dies out more slowly and may be nearer to chatter."""
-    if other is None or other.ratio_ci95 is None or strongest.ratio is None:
+    """Margin of the strongest mode; none where another one is untold, or dies out more slowly and may be nearer."""
+    if other is None or strongest.ratio is None:
         return strongest
+    if other.ratio_ci95 is None:
+        return Margin(reason=UNTOLD)
     if other.decay > strongest.decay or other.ratio_ci95[1] < strongest.ratio:
         return strongest
     where = f"at {other.frequency_hz:.0f} Hz"

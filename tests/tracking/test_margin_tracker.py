@@ -58,13 +58,24 @@ def test_teeth_that_enter_and_leave_are_not_taken_for_more_regeneration(share):
     assert margin.ratio_ci95[0] < share < margin.ratio_ci95[1]
 
 
-def test_what_the_model_leaves_out_is_part_of_the_interval():
-    """A fit that is sure of all its parameters leaves 8 % of kappa, which no spectrum can take away."""
+def sure(kappa, delay_s):
+    """A fit of 990 Hz that is sure of all its parameters."""
     theta = np.zeros(PARAMETERS)
-    theta[[LOG_OMEGA, LOG_ZETA, KAPPA, LOG_TAU]] = np.log(6220.0), np.log(0.03), 0.02, np.log(0.027)
-    margin = margin_of(Fit(theta, 1e12 * np.eye(PARAMETERS), 0.0), 1.0)
-    assert margin.kappa_sd == pytest.approx(0.08 * 0.02, rel=1e-3)
-    assert (margin.ratio_ci95[1] / margin.ratio - 1.0) == pytest.approx(1.96 * 0.08, rel=0.02)
+    theta[[LOG_OMEGA, LOG_ZETA, KAPPA, LOG_TAU]] = np.log(2 * np.pi * 990.0), np.log(0.03), kappa, np.log(delay_s)
+    return Fit(theta, 1e12 * np.eye(PARAMETERS), 0.0)
+
+
+@pytest.mark.parametrize(("waves", "left"), [(27.0, 0.0512), (3.0, 0.1118)])
+def test_what_the_model_leaves_out_is_part_of_the_interval(waves, left):
+    """5 % of kappa and 30 % over the waves within the delay, which no spectrum can take away."""
+    margin = margin_of(sure(0.02, waves / 990.0), 1.0)
+    assert margin.kappa_sd == pytest.approx(left * 0.02, rel=1e-3)
+    assert (margin.ratio_ci95[1] / margin.ratio - 1.0) == pytest.approx(1.96 * left, rel=0.02)
+
+
+def test_no_cut_pulls_its_tool_in():
+    """A fit that says so is none."""
+    assert "not that of one mode" in margin_of(sure(-0.01, 0.027), 1.0).reason
 
 
 def test_too_many_waves_between_two_teeth(half):
@@ -126,6 +137,14 @@ def test_where_another_mode_may_be_nearer_to_chatter_there_is_no_margin():
     far = margins(strong + 0.1 * simulate(other))[-1]
     assert far.frequency_hz == pytest.approx(990.0, rel=0.01)
     assert far.margin_percent is not None
+
+
+def test_beside_what_no_mode_explains_there_is_no_margin(half):
+    """Three modes close to each other have the spectrum of none: any of them may be nearer to chatter."""
+    several = vibration(len(half), [(390.0, 0.002), (408.0, 0.002), (430.0, 0.002)], seed=4)
+    margin = margins(half + 0.1 * np.std(half) / np.std(several) * several)[-1]
+    assert margin.margin_percent is None
+    assert "another one, and how near to chatter that is cannot be told" in margin.reason
 
 
 def test_broad_lines_of_the_teeth_are_kept_out_of_it(half):
