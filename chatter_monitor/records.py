@@ -193,6 +193,7 @@ class Verdict(Message, frozen=True, tag="verdict"):
     order: float | None = None
     confidence: float = 0.0
     margin_percent: float | None = None
+    margin_percent_ci95: tuple[float, float] | None = None
     reasons: list[str] = []
     flags: list[str] = []
 

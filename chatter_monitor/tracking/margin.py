@@ -112,7 +112,7 @@ def margin_of(found: Fit, lack_of_fit: float) -> Margin:
     return replace(
         margin,
         margin_percent=_percent(ratio),
-        margin_ci95=(_percent(high), _percent(low) if low > 0.0 else math.inf),
+        margin_ci95=(_percent(high), _percent(low)),  # low is above zero, or no regeneration would be visible
     )
 
 

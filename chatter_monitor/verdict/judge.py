@@ -172,6 +172,7 @@ class Judge:
         frequency_hz, mode = _meant(view, evidence)
         # while nothing is cut what turns may be another machine
         doubted = evidence.orders.doubted and view.state != "idle"
+        margin = Margin() if view.state in WITHOUT_MARGIN else evidence.margin
         half = 1.96 * mode.damping_sd if mode is not None else 0.0
         meant = mode if view.vibration is None else view.vibration
         damping_ratio = None if meant is None else meant.damping_ratio
@@ -187,7 +188,8 @@ class Judge:
             damping_ratio_ci95=(mode.damping_ratio - half, mode.damping_ratio + half) if mode is not None else None,
             order=None if frequency_hz is None else spindle_order(frequency_hz, evidence.orders),
             confidence=round(view.confidence, 4),
-            margin_percent=None if view.state in WITHOUT_MARGIN else evidence.margin.margin_percent,
+            margin_percent=margin.margin_percent,
+            margin_percent_ci95=margin.margin_ci95,
             reasons=[*view.reasons, reasons.DOUBTED] if doubted else list(view.reasons),
             flags=evidence.flags.names(),
         )

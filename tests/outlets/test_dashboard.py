@@ -205,19 +205,21 @@ def test_words_of_an_alarm_that_is_withdrawn():
 
 
 @pytest.mark.parametrize(
-    ("state", "percent", "said"),
+    ("state", "percent", "interval", "said"),
     [
-        ("stable", 41.7, "**42 %** more depth"),
-        ("stable", 421.0, "**at least 100 %** more depth"),
-        ("approaching", -3.0, "**0 %** more depth"),
-        ("forced", 421.0, None),
-        ("stable", None, None),
+        ("stable", 41.7, (20.4, 76.9), "**42 %** more depth of cut before it chatters (95 %: 20 to 77 %)\n"),
+        ("stable", 41.7, (20.4, 300.0), "chatters (95 %: at least 20 %)\n"),
+        ("stable", 421.0, (120.0, 900.0), "**at least 100 %** more depth of cut before it chatters\n"),
+        ("approaching", -3.0, (-8.0, 4.0), "**0 %** more depth of cut before it chatters (95 %: 0 to 4 %)\n"),
+        ("forced", 421.0, (120.0, 900.0), None),
+        ("stable", None, None, None),
     ],
 )
-def test_the_margin_is_said_where_it_matters(messages, state, percent, said):
-    """The words have the margin up to twice the depth, and none where the vibration is forced."""
+def test_the_margin_is_said_where_it_matters(messages, state, percent, interval, said):
+    """The words have the margin and its interval up to twice the depth, and none where the vibration is forced."""
     verdict = next(message for message in messages if isinstance(message, Verdict))
-    told = words.evidence(msgspec.structs.replace(verdict, state=state, margin_percent=percent))
+    margin = {"margin_percent": percent, "margin_percent_ci95": interval}
+    told = words.evidence(msgspec.structs.replace(verdict, state=state, **margin))
     assert ("depth" in told) == (said is not None)
     assert said is None or said in told
 

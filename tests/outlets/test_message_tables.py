@@ -26,6 +26,7 @@ FULL = verdict(
     order=3.5,
     confidence=0.9,
     margin_percent=-4.0,
+    margin_percent_ci95=(-8.0, 1.0),
     flags=["clipped"],
 )
 ODP = Odp(channel=0, t=0.05, modes=[Mode(900.0, 0.01, (0.0, 0.02), 0.7), Mode(None, None, None, 0.3)])

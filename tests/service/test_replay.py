@@ -311,4 +311,8 @@ def test_the_first_start_compiles_and_hears_the_same(tmp_path):
     assert "Compiling the kernels for this machine" in runs[0].stderr
     assert runs[1].stderr == ""
     assert heard[0] == heard[1]
-    assert any(message["type"] == "verdict" and message["margin_percent"] is not None for message in heard[0])
+    told = [message for message in heard[0] if message["type"] == "verdict" and message["margin_percent"] is not None]
+    assert told
+    for message in told:
+        low, high = message["margin_percent_ci95"]
+        assert low < message["margin_percent"] < high

@@ -258,6 +258,7 @@ def test_the_alarm_tells_frequency_damping_and_why():
     room = Margin(margin_percent=40.0, margin_ci95=(30.0, 50.0))
     before, alarm = judged(evidence(margin=room), *ONSET[40:], evidence(growing(), margin=room))[:: len(ONSET) - 39]
     assert (before.margin_percent, alarm.state, alarm.margin_percent) == (40.0, "self_excited", None)
+    assert (before.margin_percent_ci95, alarm.margin_percent_ci95) == ((30.0, 50.0), None)
 
 
 def test_a_margin_after_chatter_is_of_what_came_after():

@@ -26,7 +26,7 @@ def evidence(verdict: Verdict) -> str:
         between = "" if interval is None else f" (95 %: {100 * interval[0]:.2f} to {100 * interval[1]:.2f} %)"
         lines.append(f"- damping **{100 * verdict.damping_ratio:.2f} %**{between}")
     if verdict.margin_percent is not None and verdict.state != "forced":  # there, depth is not what matters
-        lines.append(f"- **{_margin(verdict.margin_percent)}** more depth of cut before it chatters")
+        lines.append(f"- **{_margin(verdict.margin_percent)}** more depth of cut before it chatters{_between(verdict)}")
     if verdict.order is not None:
         lines.append(f"- **{verdict.order:.2f}** times the spindle")
     lines.append(f"- sure: **{100 * verdict.confidence:.0f} %**")
@@ -35,6 +35,16 @@ def evidence(verdict: Verdict) -> str:
     if verdict.flags:
         lines += ["", f"**Flags:** {', '.join(verdict.flags)}"]
     return "\n".join(lines)
+
+
+def _between(verdict: Verdict) -> str:
+    """Interval of the margin, as far as it matters."""
+    if verdict.margin_percent_ci95 is None:
+        return ""
+    low, high = (max(percent, 0.0) for percent in verdict.margin_percent_ci95)
+    if high < LARGE_PERCENT:
+        return f" (95 %: {low:.0f} to {high:.0f} %)"
+    return f" (95 %: at least {low:.0f} %)" if low < LARGE_PERCENT else ""
 
 
 def _margin(percent: float) -> str:
