@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from benchmarks.verdict.curves import Detector, at_equal_false_alarms, curve
 from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, RATE_HZ, Cut, Label, Stretch, Truth
 from benchmarks.verdict.monitor import Opinions
 from benchmarks.verdict.peers import PEERS
+from benchmarks.verdict.report import as_results, show
 from benchmarks.verdict.scoring import Heard, by_event, by_interval, lags, reliability, warnings
 
 ONSET = 60  # interval of the crossing
@@ -155,3 +157,19 @@ def test_peers_tell_a_chatter_line_from_cutting_noise(peer):
     score = PEERS[peer](replace(made_up(), samples=samples))
     assert np.median(score[90:]) > 1.2 * np.median(score[20:50])
     assert score[90:].min() > score[20:50].max()
+
+
+def test_lags_and_warnings_are_told_by_family_and_noise():
+    """A row for each that has any; one without onset or ramp has none."""
+    console = Console(record=True, width=200)
+    made = [heard(PERFECT), heard(PERFECT, "ramp"), heard(PERFECT, "forced")]
+    show(console, "made up", as_results(made, []))
+    told = console.export_text().split("Sudden onsets and slow ramps")[1].split("Reliability")[0]
+    rows = {
+        cells[1].strip(): [cell.strip() for cell in cells[2:-1]]
+        for cells in (row.split("│") for row in told.splitlines())
+        if len(cells) > 2
+    }
+    assert set(rows) == {"all", "step", "ramp", "SNR 18-27 dB"}
+    assert rows["step"][:4] == ["1", "0", "0", "40"]
+    assert rows["ramp"][-3:-1] == ["1", "100 %"]

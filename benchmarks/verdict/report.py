@@ -28,11 +28,19 @@ def as_results(heard: list[Heard], found: list[Detector]) -> dict[str, Any]:
         f"SNR {low:.0f}-{high:.0f} dB": [h for h in heard if low <= h.cut.snr_db < high] for low, high in SNR_BANDS_DB
     }
     return {
-        "groups": {name: {**by_interval(part), "event": by_event(part)} for name, part in groups.items() if part},
-        "lags": lags((h.cut, h.alarm) for h in heard),
-        "warnings": warnings(heard),
+        "groups": {name: _scores(part) for name, part in groups.items() if part},
         "reliability": reliability(heard),
         "peers": {detector.name: at_equal_false_alarms(detector, heard) for detector in found},
+    }
+
+
+def _scores(heard: list[Heard]) -> dict[str, Any]:
+    """Of one family, or of one range of noise."""
+    return {
+        **by_interval(heard),
+        "event": by_event(heard),
+        "lags": lags((h.cut, h.alarm) for h in heard),
+        "warnings": warnings(heard),
     }
 
 
@@ -59,8 +67,7 @@ def show(console: Console, name: str, results: dict[str, Any]) -> None:
             _percent(score["event"]["false_alarm_share"], 0),
         )
     console.print(table)
-    for heading in ("lags", "warnings"):
-        console.print(f"{heading}: " + ", ".join(f"{key} {_number(value)}" for key, value in results[heading].items()))
+    console.print(_in_time(name, results["groups"]))
     table = Table(title=f"Reliability of the confidence, {name}")
     for heading in ("confidence", "verdicts", "mean", "right"):
         table.add_column(heading, justify="right")
@@ -85,6 +92,26 @@ def show(console: Console, name: str, results: dict[str, Any]) -> None:
                 _number(lag["p95_over_limit"]),
             )
     console.print(table)
+
+
+def _in_time(name: str, groups: dict[str, Any]) -> Table:
+    """How soon sudden onsets are told, and slow ramps warned of; where there are any."""
+    table = Table(title=f"Sudden onsets and slow ramps, {name}")
+    lag = ("onsets", "early", "never", "median lag, ms", "95 %", "over the limit", "95 %")
+    for heading in ("", *lag, "ramps", "warned in time", "below half the limit"):
+        table.add_column(heading, justify="right" if heading else "left")
+    for group, score in groups.items():
+        told, warned = score["lags"], score["warnings"]
+        if told["cuts"] or warned["ramps"]:
+            table.add_row(
+                group,
+                *(str(told[key]) for key in ("cuts", "early", "never")),
+                *(_number(told[key]) for key in ("median_ms", "p95_ms", "median_over_limit", "p95_over_limit")),
+                str(warned["ramps"]),
+                _percent(warned["warned_before_doubling"], 0),
+                _percent(warned["raised_below_half_the_limit"], 1),
+            )
+    return table
 
 
 def _percent(value: float | None, digits: int) -> str:
