@@ -210,13 +210,14 @@ def test_words_of_an_alarm_that_is_withdrawn():
         ("stable", 41.7, (20.4, 76.9), "**42 %** more depth of cut before it chatters (95 %: 20 to 77 %)\n"),
         ("stable", 41.7, (20.4, 300.0), "chatters (95 %: at least 20 %)\n"),
         ("stable", 421.0, (120.0, 900.0), "**at least 100 %** more depth of cut before it chatters\n"),
-        ("approaching", -3.0, (-8.0, 4.0), "**0 %** more depth of cut before it chatters (95 %: 0 to 4 %)\n"),
+        ("stable", 4.0, (-3.0, 11.0), "**4 %** more depth of cut before it chatters (95 %: 0 to 11 %)\n"),
+        ("approaching", 70.0, (31.0, 120.0), None),
         ("forced", 421.0, (120.0, 900.0), None),
         ("stable", None, None, None),
     ],
 )
 def test_the_margin_is_said_where_it_matters(messages, state, percent, interval, said):
-    """The words have the margin and its interval up to twice the depth, and none where the vibration is forced."""
+    """The words have the margin and its interval up to twice the depth, and none where it is forced, or grows."""
     verdict = next(message for message in messages if isinstance(message, Verdict))
     margin = {"margin_percent": percent, "margin_percent_ci95": interval}
     told = words.evidence(msgspec.structs.replace(verdict, state=state, **margin))

@@ -25,7 +25,9 @@ def evidence(verdict: Verdict) -> str:
         interval = verdict.damping_ratio_ci95
         between = "" if interval is None else f" (95 %: {100 * interval[0]:.2f} to {100 * interval[1]:.2f} %)"
         lines.append(f"- damping **{100 * verdict.damping_ratio:.2f} %**{between}")
-    if verdict.margin_percent is not None and verdict.state != "forced":  # there, depth is not what matters
+    # Depth is not what matters where it is forced; a warning says itself if it is, or is about what grows just now,
+    # which a margin over some seconds does not know.
+    if verdict.margin_percent is not None and verdict.state == "stable":
         lines.append(f"- **{_margin(verdict.margin_percent)}** more depth of cut before it chatters{_between(verdict)}")
     if verdict.order is not None:
         lines.append(f"- **{verdict.order:.2f}** times the spindle")
