@@ -20,10 +20,14 @@ import argparse
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter_monitor.kernels.narrowband import FRAME_HOPS
+from chatter_monitor.tracking.spectrum import WINDOW_S
+from chatter_monitor.tracking.tracker import INTERVAL_S
+
 Floats = NDArray[np.float64]
 
 RATE_HZ = 800.0  # of the amplitudes
-HOP, WINDOW = round(0.0125 * RATE_HZ), round(0.025 * RATE_HZ)
+HOP, WINDOW = round(INTERVAL_S / FRAME_HOPS * RATE_HZ), round(WINDOW_S * RATE_HZ)
 SECONDS = (0.5, 1.0, 2.0)
 SETTLING_S = 1.0
 SEED = 20131

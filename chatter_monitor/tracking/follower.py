@@ -166,7 +166,7 @@ class CombFollower:
             Fundamental of a comb that has been taken out of it; what may be left of its lines does not count.
         sidebands : Sidebands, optional
             Of a vibration in it that is no comb's, whose sidebands tell it: that of a known speed apart, a comb that
-            has it among its lines is given up.
+            has it among its lines is given up, and these lines are no evidence for another.
         rotation_hz : float, optional
             Of a spindle of told speed that has been heard; a comb that has locked to it counts neither for nor against.
         mains_only : bool
