@@ -67,12 +67,18 @@ Heard = tuple[Cut, list[Evidence], bool]  # without samples; with the speed know
 
 def examples(cut: Cut, intervals: list[Evidence]) -> Iterator[Example]:
     """Measures and class of the lines that have one."""
+    return ((measures(line), kind) for lines in classified(cut, intervals) for line, kind in lines if kind is not None)
+
+
+def classified(cut: Cut, intervals: list[Evidence]) -> Iterator[list[tuple[np.void, int | None]]]:
+    """Lines of each interval, records of `kinds.LINE`, with their class; None where they are no example of any."""
     truth = cut.truth
     since = np.full(len(truth), np.inf)
     for stretch in truth.unstable:
         age = truth.start_s - stretch.zero_s
         since = np.where(age >= 0.0, np.minimum(since, age), since)
     for i, evidence in enumerate(intervals[: len(truth)]):
+        found: list[tuple[np.void, int | None]] = []
         for line in () if evidence.starting else lines_of(evidence, Odds()):
             own = abs(np.log(line["frequency_hz"] / truth.frequency_hz[i])) < SAME_VIBRATION
             calm = (
@@ -90,12 +96,12 @@ def examples(cut: Cut, intervals: list[Evidence]) -> Iterator[Example]:
             elif truth.label[i] in (Label.OTHER, Label.FORCED):
                 near = own and rise > GROWING_RISE and truth.kappa[i] > NEAR_LIMIT * truth.kappa_critical[i]
                 kind = CALM if calm else NEAR if near else NOISE
-            if kind is not None:
-                yield measures(line), kind
+            found.append((line, kind))
+        yield found
 
 
 def fit(x: NDArray[np.float64], kind: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Weights and offsets of growth and calm against noise, shape (2, measures + 1)."""
+    """Weights and offsets of growth and calm against noise, shape (2, measures + 1), of `MEASURES` and any others."""
     centre, scale = x.mean(axis=0), x.std(axis=0) + 1e-9
     columns = np.column_stack([(x - centre) / scale, np.ones(len(x))])
     weights_of_kinds = np.array([1.0 - NEAR_WEIGHT, 1.0, 1.0, NEAR_WEIGHT]) / CLASSES
@@ -115,8 +121,8 @@ def fit(x: NDArray[np.float64], kind: NDArray[np.int64]) -> NDArray[np.float64]:
 
     free = (None, None)
     signs = {1: (0.0, None), -1: (None, 0.0)}
-    bounds = [signs.get(GROWS_WITH.get(name, 0), free) for name in MEASURES] + [free] * (len(MEASURES) + 2)
-    start = np.zeros(2 * (len(MEASURES) + 1))
+    start = np.zeros(2 * columns.shape[1])
+    bounds = [signs.get(GROWS_WITH.get(name, 0), free) for name in MEASURES] + [free] * (len(start) - len(MEASURES))
     table = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x.reshape(2, -1)
     table[:, :-1] /= scale
     table[:, -1] -= table[:, :-1] @ centre

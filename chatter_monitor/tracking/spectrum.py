@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels import lines
-from chatter_monitor.kernels.engagement import ALONE, ENTERED, LONGEST, SINCE
+from chatter_monitor.kernels.engagement import ALONE, ENTERED, LIMIT, LONGEST, SINCE
 from chatter_monitor.kernels.kinds import COHERENCE_LAG_S, coherence_damping, steady_share
 from chatter_monitor.kernels.narrowband import FRAME_HOPS
 
@@ -111,8 +111,10 @@ class Spectrum:
 
     @property
     def entering(self) -> bool:
-        """Whether it is not in the cut yet, but in the air no more."""
-        return not self.cutting and bool(self._state.air[SINCE] > 0)
+        """Whether it is not in the cut yet, but in the air no more: louder than that, from the frame on that tells."""
+        state = self._state
+        power = state.totals[(state.counts[lines.FRAMES] - 1) % len(state.totals)]
+        return not self.cutting and bool(state.air[SINCE] > 0 or power > state.air[LIMIT])
 
     @property
     def alone(self) -> bool:

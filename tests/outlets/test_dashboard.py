@@ -209,7 +209,8 @@ def test_words_of_an_alarm_that_is_withdrawn():
     [
         ("stable", 41.7, (20.4, 76.9), "**42 %** more depth of cut before it chatters (95 %: 20 to 77 %)\n"),
         ("stable", 41.7, (20.4, 300.0), "chatters (95 %: at least 20 %)\n"),
-        ("stable", 421.0, (120.0, 900.0), "**at least 100 %** more depth of cut before it chatters\n"),
+        ("stable", 421.0, (120.0, 900.0), "**over 100 %** more depth of cut before it chatters\n"),
+        ("stable", 140.0, (60.0, 400.0), "**over 100 %** more depth of cut before it chatters (95 %: at least 60 %)\n"),
         ("stable", 4.0, (-3.0, 11.0), "**4 %** more depth of cut before it chatters (95 %: 0 to 11 %)\n"),
         ("stable", -3.0, (-8.0, 4.0), "**0 %** more depth of cut before it chatters (95 %: 0 to 4 %)\n"),
         ("approaching", 70.0, (31.0, 120.0), None),

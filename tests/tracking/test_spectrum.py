@@ -154,17 +154,22 @@ def test_what_comes_back_into_the_signal_has_not_risen(alike):
 
 @pytest.mark.parametrize("turns", [False, True])
 def test_the_first_entry_out_of_noise_is_heard_unless_something_turned(turns):
-    """A cut begins after a second of white noise: the tool enters, unless a cut was on whose orders are taken out."""
+    """A cut begins after a second of white noise: the tool enters, unless a cut was on whose orders are taken out.
+
+    The frame that tells is part of the entry, not of the air before it: it is louder than that.
+    """
     t = times(3.0)
     cut = (t > 1.5) * (vibration(len(t), [(900.0, 0.02)]) + noise(len(t), 0.3, seed=2))
     signal = noise(len(t), 0.03) + cut
-    spectrum, cutting = Spectrum(RATE_HZ, INTERVAL), []
+    spectrum, cutting, entering = Spectrum(RATE_HZ, INTERVAL), [], []
     for first in range(0, len(t), INTERVAL):
         spectrum.take(signal[first : first + INTERVAL], turns=turns)
         cutting.append(spectrum.cutting)
+        entering.append(spectrum.entering)
     assert all(cutting[:30])
     assert all(cutting[30:34]) == turns
     assert all(cutting[40:])
+    assert [not c for c in cutting] == entering
 
 
 @pytest.mark.parametrize("hum", [0.3, 3.0])

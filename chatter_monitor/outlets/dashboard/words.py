@@ -51,7 +51,7 @@ def _between(verdict: Verdict) -> str:
 
 def _margin(percent: float) -> str:
     """Margin, as far as it matters for the next pass."""
-    return f"{max(percent, 0.0):.0f} %" if percent < LARGE_PERCENT else f"at least {LARGE_PERCENT} %"
+    return f"{max(percent, 0.0):.0f} %" if percent < LARGE_PERCENT else f"over {LARGE_PERCENT} %"
 
 
 def event(message: Event) -> tuple[str, str]:
