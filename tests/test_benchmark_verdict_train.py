@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from benchmarks.verdict.cut import RATE_HZ, Cut, Label, Truth
+from benchmarks.verdict.cut import RATE_HZ, Cut, Label, Stretch, Truth
 from benchmarks.verdict.train import CALM, GROWTH, MEASURES, NEAR, NOISE, examples, fit
 from tests.verdict.hearing import interval
 
@@ -73,3 +75,10 @@ def test_how_rare_the_ones_near_the_limit_are_does_not_count():
     few, many, as_noise = growth_there(20, NEAR), growth_there(200, NEAR), growth_there(20, NOISE)
     assert few == pytest.approx(many, abs=0.2)
     assert few < as_noise - 0.5
+
+
+def test_how_long_a_cut_has_been_unstable():
+    """From the latest stretch on that has begun."""
+    truth = replace(a_cut(Label.OTHER, 0.001, 0.5).truth, unstable=(Stretch(0.1, None), Stretch(0.25, 0.3)))
+    truth = replace(truth, label=np.zeros(8, np.int8))
+    assert truth.unstable_for_s == pytest.approx([np.inf, np.inf, 0.0, 0.05, 0.1, 0.0, 0.05, 0.1])

@@ -94,6 +94,15 @@ class Truth:
         """Beginning of each interval."""
         return np.arange(len(self)) * np.float64(INTERVAL_S)
 
+    @property
+    def unstable_for_s(self) -> Floats:
+        """How long ago the latest unstable stretch began, infinite where none has."""
+        since = np.full(len(self), np.inf)
+        for stretch in self.unstable:
+            age = self.start_s - stretch.zero_s
+            since = np.where(age >= 0.0, np.minimum(since, age), since)
+        return since
+
 
 @dataclass(frozen=True, eq=False)
 class Cut:

@@ -73,10 +73,7 @@ def examples(cut: Cut, intervals: list[Evidence]) -> Iterator[Example]:
 def classified(cut: Cut, intervals: list[Evidence]) -> Iterator[list[tuple[np.void, int | None]]]:
     """Lines of each interval, records of `kinds.LINE`, with their class; None where they are no example of any."""
     truth = cut.truth
-    since = np.full(len(truth), np.inf)
-    for stretch in truth.unstable:
-        age = truth.start_s - stretch.zero_s
-        since = np.where(age >= 0.0, np.minimum(since, age), since)
+    since = truth.unstable_for_s
     for i, evidence in enumerate(intervals[: len(truth)]):
         found: list[tuple[np.void, int | None]] = []
         for line in () if evidence.starting else lines_of(evidence, Odds()):

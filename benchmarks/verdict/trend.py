@@ -133,13 +133,9 @@ def _log_dampings(line: np.void) -> list[float]:
 
 def rows(cut: Cut, *, speed_known: bool) -> Iterator[tuple[float, ...]]:
     """Measures and trends of each line of a cut that has a class; that class; and seconds since the cut is unstable."""
-    following, truth = Trends(), cut.truth
-    age_s = np.full(len(truth), np.inf)
-    for stretch in truth.unstable:
-        since = truth.start_s - stretch.zero_s
-        age_s = np.where(since >= 0.0, np.minimum(age_s, since), age_s)
+    following = Trends()
     heard = classified(cut, list(evidence_of(cut, speed_known=speed_known)))
-    for lines, age in zip(heard, age_s, strict=False):
+    for lines, age in zip(heard, cut.truth.unstable_for_s, strict=False):  # a last interval may be missing
         for (line, kind), trends in zip(lines, following.follow([line for line, _ in lines]), strict=True):
             if kind is not None:
                 yield (*measures(line), *trends, kind, age)
