@@ -146,8 +146,8 @@ class MarginTracker:
                 evaluated += next(self._under_way)
             except StopIteration:
                 self._under_way = None
-            if self._strongest.margin is not None:
-                self._margin = beside(self._strongest.margin, self._other.margin)
+                if self._strongest.margin is not None:
+                    self._margin = beside(self._strongest.margin, self._other.margin)
 
     def _follow_speed(self, rotation_hz: float | None, rotation_sd_hz: float | None) -> None:
         """Start anew when the teeth pass at another pace, because the comb of their delay is another one."""
