@@ -1,8 +1,8 @@
 """Whether the trend of a line's damping tells more than what the monitor asks of the line already.
 
-Each vibration of the development cuts is followed as the monitor does, and a straight line is laid through the
-logarithm of its damping ratio, what was heard long ago counting less: of the damping that its coherence stands for, and
-of the mode's that the recursion has there. The trend is the slope over its standard deviation. Weights of growth
+Each vibration of the development cuts is followed by its frequency, and a straight line is laid through the logarithm
+of its damping ratio, what was heard long ago counting less: of the damping that its coherence stands for, and of the
+mode's that the recursion has there. The trend is the slope over its standard deviation. Weights of growth
 (`benchmarks.verdict.train`) are learned from the cuts with even numbers with the trend as a further measure, and
 without; from the others comes how much of what grows is told, by the time since the true damping fell below zero, with
 so many of the lines of noise, or of vibrations that rise near their limit, taken for growth as well.
@@ -26,8 +26,8 @@ from rich.progress import track
 
 from benchmarks.verdict.cache import cached_cuts
 from benchmarks.verdict.cut import INTERVAL_S, Cut
-from benchmarks.verdict.train import GROWTH, NEAR, NOISE, classified, evidence_of, fit
-from chatter_monitor.kernels.kinds import coherence_damping, measures
+from benchmarks.verdict.train import GROWTH, MEASURES, NEAR, NOISE, classified, evidence_of, fit
+from chatter_monitor.kernels.kinds import measures
 from chatter_monitor.kernels.vibrations import FORGOTTEN, LINE_WIDTH_HZ, SAME_VIBRATION
 
 Floats = NDArray[np.float64]
@@ -123,12 +123,9 @@ def _is_same(hertz: float, before_hz: float) -> bool:
 
 
 def _log_dampings(line: np.void) -> list[float]:
-    """Decimal logarithms of the damping of a line, and of the mode at it, bounded as the monitor's measures are."""
-    by_coherence = coherence_damping(line["coherence"], line["frequency_hz"])
-    return [
-        math.log10(min(max(by_coherence, 2e-4), 0.03)),
-        math.log10(min(max(float(line["damping_ratio"]), 0.0), 0.1) + 0.001),
-    ]
+    """Decimal logarithms of the damping of a line, and of the mode at it, as the monitor's measures have them."""
+    named = dict(zip(MEASURES, measures(line), strict=True))
+    return [-named["tightness"], named["log_damping"]]
 
 
 def rows(cut: Cut, *, speed_known: bool) -> Iterator[tuple[float, ...]]:
