@@ -50,19 +50,45 @@ def curve(detector: Detector, heard: list[Heard]) -> tuple[Floats, Floats, Float
     return (score[order][last_of_its_value], *shares)
 
 
+def threshold(detector: Detector, heard: list[Heard], allowed: float) -> float:
+    """Return the lowest threshold with at most so large a share of false alarms; infinite where there is none."""
+    thresholds, false, _ = curve(detector, heard)
+    usable = np.flatnonzero(false <= allowed)
+    return float(thresholds[usable[-1]]) if usable.size else np.inf
+
+
+def threshold_of_all_families(detector: Detector, heard: list[Heard], allowed: float) -> float:
+    """Return the same, but that no family has a larger share."""
+    return max(threshold(*of_family, allowed) for of_family in by_family(detector, heard).values())
+
+
+def by_family(detector: Detector, heard: list[Heard]) -> dict[str, tuple[Detector, list[Heard]]]:
+    """Return the cuts of each family, and the detector's scores of these."""
+    families: dict[str, tuple[Detector, list[Heard]]] = {}
+    for h, score in zip(heard, detector.scores, strict=True):
+        scores, cuts = families.setdefault(h.cut.family, (Detector(detector.name, []), []))
+        scores.scores.append(score)
+        cuts.append(h)
+    return families
+
+
+def recall(detector: Detector, heard: list[Heard], threshold: float) -> float:
+    """Share of the self-excited intervals whose score is a threshold or more; NaN where there are none."""
+    found = [score[h.cut.truth.label == Label.SELF_EXCITED] for h, score in zip(heard, detector.scores, strict=True)]
+    scores = np.concatenate(found)
+    return float(np.mean(scores >= threshold)) if scores.size else np.nan
+
+
+def lags_at(detector: Detector, heard: list[Heard], threshold: float) -> dict[str, float | None]:
+    """Lags of alarms at a threshold, as in `scoring.lags`."""
+    return lags((h.cut, score >= threshold) for h, score in zip(heard, detector.scores, strict=True))
+
+
 def at_equal_false_alarms(detector: Detector, heard: list[Heard]) -> list[dict[str, Any]]:
     """Recall and lag with the threshold that makes best use of the false alarms that are allowed."""
-    thresholds, false, recall = curve(detector, heard)
     rows = []
     for allowed in ALLOWED:
-        usable = np.flatnonzero(false <= allowed)
-        threshold = float(thresholds[usable[-1]]) if usable.size else np.inf
-        alarms = [score >= threshold for score in detector.scores]
-        rows.append(
-            {
-                "false_alarms_allowed": allowed,
-                "recall": float(recall[usable[-1]]) if usable.size else 0.0,
-                "lags": lags(zip((h.cut for h in heard), alarms, strict=True)),
-            }
-        )
+        at = threshold(detector, heard, allowed)
+        found = {"recall": recall(detector, heard, at), "lags": lags_at(detector, heard, at)}
+        rows.append({"false_alarms_allowed": allowed} | found)
     return rows

@@ -33,7 +33,15 @@ from rich.table import Table
 from scipy.signal import firwin, upfirdn
 
 from benchmarks.verdict.cache import cached_cuts
-from benchmarks.verdict.curves import ALLOWED, Detector, at_equal_false_alarms, curve
+from benchmarks.verdict.curves import (
+    ALLOWED,
+    Detector,
+    by_family,
+    lags_at,
+    recall,
+    threshold,
+    threshold_of_all_families,
+)
 from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, RATE_HZ, Cut, Label, Truth
 from benchmarks.verdict.families import FAMILIES
 from benchmarks.verdict.generator import SEEDS, Split, family_of
@@ -178,31 +186,26 @@ def _forward(likelihoods, changes, least):  # type: ignore[no-untyped-def]
     return odds
 
 
-def recalls(detector: Detector, heard: list[Heard], allowed: float) -> dict[str, float]:
-    """Recall of each family that has chatter, at the threshold that raises as many false alarms as are allowed."""
-    thresholds, false, _ = curve(detector, heard)
-    threshold = thresholds[np.flatnonzero(false <= allowed)[-1]] if (false <= allowed).any() else np.inf
-    found: dict[str, list[NDArray[np.bool_]]] = {}
-    for h, score in zip(heard, detector.scores, strict=True):
-        found.setdefault(h.cut.family, []).append((score >= threshold)[h.cut.truth.label == Label.SELF_EXCITED])
-    joined = {family: np.concatenate(parts) for family, parts in found.items()}
-    return {family: float(part.mean()) for family, part in joined.items() if part.size}
-
-
 def show(console: Console, found: list[Detector], heard: list[Heard], allowed: float) -> None:
-    """Print recall and lag of every detector at equally many false alarms, and its recall by family."""
+    """Print recall and lag of every detector at equally many false alarms, and its recall by family.
+
+    The last two columns are of a threshold with which no family has more false alarms than are allowed.
+    """
+    families = [name for name, of_family in by_family(found[0], heard).items() if not np.isnan(recall(*of_family, 0.0))]
     table = Table(title=f"At {100 * allowed:g} % false alarms")
-    for heading in ("detector", "recall", "median lag", "over the limit", "95 %", "never"):
-        table.add_column(heading, justify="left" if heading == "detector" else "right")
-    families = list(recalls(found[0], heard, allowed))
-    for family in families:
-        table.add_column(family.replace("_", " "), justify="right")
+    table.add_column("detector")
+    for heading in ("recall", "median lag", "over the limit", "95 %", "never", *families, "in every family", "never"):
+        table.add_column(heading.replace("_", " "), justify="right")
     for detector in found:
-        row = next(row for row in at_equal_false_alarms(detector, heard) if row["false_alarms_allowed"] == allowed)
-        lag, by_family = row["lags"], recalls(detector, heard, allowed)
-        numbers = [f"{lag[name]:.3g}" for name in ("median_ms", "median_over_limit", "p95_over_limit", "never")]
+        everywhere, strictest = (choose(detector, heard, allowed) for choose in (threshold, threshold_of_all_families))
+        lag, of_family = lags_at(detector, heard, everywhere), by_family(detector, heard)
         table.add_row(
-            detector.name, f"{100 * row['recall']:.1f}", *numbers, *(f"{100 * by_family[f]:.0f}" for f in families)
+            detector.name,
+            f"{100 * recall(detector, heard, everywhere):.1f}",
+            *(f"{lag[name]:.3g}" for name in ("median_ms", "median_over_limit", "p95_over_limit", "never")),
+            *(f"{100 * recall(*of_family[family], everywhere):.0f}" for family in families),
+            f"{100 * recall(detector, heard, strictest):.1f}",
+            f"{lags_at(detector, heard, strictest)['never']}",
         )
     console.print(table)
 

@@ -40,6 +40,7 @@ def _scores(heard: list[Heard]) -> dict[str, Any]:
         **by_interval(heard),
         "event": by_event(heard),
         "lags": lags((h.cut, h.alarm) for h in heard),
+        "lags_of_warnings": lags((h.cut, h.raised) for h in heard),
         "warnings": warnings(heard),
     }
 
@@ -98,7 +99,8 @@ def _in_time(name: str, groups: dict[str, Any]) -> Table:
     """How soon sudden onsets are told, and slow ramps warned of; where there are any."""
     table = Table(title=f"Sudden onsets and slow ramps, {name}")
     lag = ("onsets", "early", "never", "median lag, ms", "95 %", "over the limit", "95 %")
-    for heading in ("", *lag, "ramps", "warned in time", "below half the limit"):
+    warning = ("of a warning, ms", "over the limit")
+    for heading in ("", *lag, *warning, "ramps", "warned in time", "below half the limit"):
         table.add_column(heading, justify="right" if heading else "left")
     for group, score in groups.items():
         told, warned = score["lags"], score["warnings"]
@@ -107,6 +109,7 @@ def _in_time(name: str, groups: dict[str, Any]) -> Table:
                 group,
                 *(str(told[key]) for key in ("cuts", "early", "never")),
                 *(_number(told[key]) for key in ("median_ms", "p95_ms", "median_over_limit", "p95_over_limit")),
+                *(_number(score["lags_of_warnings"][key]) for key in ("median_ms", "median_over_limit")),
                 str(warned["ramps"]),
                 _percent(warned["warned_before_doubling"], 0),
                 _percent(warned["raised_below_half_the_limit"], 1),

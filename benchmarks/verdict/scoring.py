@@ -39,6 +39,11 @@ class Heard:
         """Intervals that were called self-excited."""
         return np.asarray(self.said.state == "self_excited")
 
+    @property
+    def raised(self) -> Bools:
+        """The same, and those that were called near it."""
+        return np.asarray((self.said.state == "approaching") | self.alarm)
+
 
 def by_interval(heard: Iterable[Heard]) -> dict[str, float | None]:
     """Recall of self-excited intervals, false alarms among the others, forced called forced.
@@ -146,8 +151,7 @@ def warnings(heard: Iterable[Heard]) -> dict[str, float | None]:
     """Slow ramps warned of before the vibration had doubled, and how often far from the limit for nothing."""
     ramps = warned = far = warned_far = 0
     for h in heard:
-        raised = (h.said.state == "approaching") | h.alarm
-        truth = h.cut.truth
+        raised, truth = h.raised, h.cut.truth
         if h.cut.family == "ramp":
             for stretch in truth.unstable[:1]:
                 doubled_s = stretch.doubled_s

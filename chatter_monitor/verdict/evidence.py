@@ -86,6 +86,11 @@ class Heard(Sequence[Vibration]):
     def __len__(self) -> int:
         return len(self.table)
 
+    @property
+    def loudest(self) -> Vibration | None:
+        """That with most of the power."""
+        return max(self, key=lambda vibration: vibration.line.share, default=None)
+
     def copy(self) -> Heard:
         """The same with a table of its own."""
         return Heard(self.table.copy(), self._modes)

@@ -18,6 +18,7 @@ from chatter_monitor.verdict.irregularity import Irregularity
 from chatter_monitor.verdict.loudness import Loudness
 from chatter_monitor.verdict.opinion import Memory, Opinion, entering, is_undamped, opinion, stands_for
 from chatter_monitor.verdict.settings import JudgeSettings
+from chatter_monitor.verdict.surge import Surge
 from chatter_monitor.verdict.vibrations import Followed, Following, Told, repeating_share, steady_share
 from chatter_monitor.verdict.withdrawal import Withdrawal, newly_found
 
@@ -57,6 +58,7 @@ class Judge:
         self._loudness = Loudness(interval_s)
         self._irregularity = Irregularity(interval_s)
         self._arrival = Arrival(interval_s)
+        self._surge = Surge(interval_s)
         self._withdrawal = Withdrawal()
 
     def set_thresholds(self, settings: JudgeSettings) -> None:
@@ -107,18 +109,22 @@ class Judge:
         synchronous = evidence.orders.synchronous_share
         steady = memory.steady + AVERAGING * (steady_share(synchronous, told) - memory.steady)
         repeating = repeating_share(evidence.orders, told)
+        forced_share, power = max(stands_for(steady), repeating), evidence.rms**2
         return memory._replace(
             told=told,
             synchronous=memory.synchronous + AVERAGING * (synchronous - memory.synchronous),
             steady=steady,
             repeating=repeating,
-            forced_share=max(stands_for(steady), repeating),
+            forced_share=forced_share,
+            louder=self._loudness.louder(power),
+            surge=self._surge.hear(power, forced_share),
         )
 
     def _rest(self, *, forget: bool) -> None:
         """Nothing is cut, or a cut begins: what has chattered in the one before is remembered, if that."""
         self._following.rest(forget=forget)
         self._arrival.rest()
+        self._surge.rest()
         self._loudness.rest()
         self._irregularity.rest()
 
@@ -150,8 +156,7 @@ class Judge:
         heard = evidence.power, evidence.turning, repeating
         loud = self._loudness.hear(*heard, alarm=alarm or irregular, odds=odds, calm=calm and not irregular)
         if irregular and not alarm:
-            loudest = max(evidence.vibrations, key=lambda vibration: vibration.line.share, default=None)
-            return Opinion("self_excited", LOUD_RIGHT, (reasons.irregular(times),), loudest)
+            return Opinion("self_excited", LOUD_RIGHT, (reasons.irregular(times),), evidence.vibrations.loudest)
         if alarm or not loud:
             return view
         about = suspect if chattered is None else chattered

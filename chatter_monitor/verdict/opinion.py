@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from chatter_monitor.kernels.kinds import LOUDER, own_rise
 from chatter_monitor.kernels.vibrations import JUST_NOW
 from chatter_monitor.records import State
 from chatter_monitor.tracking.orders import Source
@@ -20,8 +21,11 @@ MOST = 0.5
 # e-fold.
 FORCED_WITH_NONE = 0.01
 HALF_WAY, SHARE_DOUBT = 0.645, 0.11
-# Of the warnings that come long before an alarm, so many were right, likewise: the others were late, or forced.
-WARNING_RIGHT = 0.4
+# How likely a warning is right, and not late, or of what is forced, by how much louder than usual the cut is (natural
+# logarithm of the amplitude), likewise: where it is as likely as not, how far from there the odds change e-fold, and up
+# to where that was seen.
+RIGHT_HALF_WAY, RIGHT_DOUBT = 0.88, 1.12
+MOST_LOUDER = 1.5
 # Of what is forced so much is heard as steady: the rest is unsteady, or in lines too weak to stand out.
 HEARD_AS_STEADY = 0.67
 # By so much the share may be below the border before what was called forced is not any more, and the other way round.
@@ -56,6 +60,8 @@ class Memory(NamedTuple):
         Intervals since the last one that was called chatter.
     source : str or None
         How the speed was known in the last interval.
+    louder, surge : float
+        By how much it is louder than usual, and than half a second ago (natural logarithm of the amplitude).
     """
 
     loudest: float = 0.0
@@ -68,6 +74,8 @@ class Memory(NamedTuple):
     undamped: bool = False
     since_alarm: float = math.inf
     source: Source | None = None
+    louder: float = 0.0
+    surge: float = 0.0
 
     @property
     def calm(self) -> bool:
@@ -94,17 +102,34 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     forced = _forced_by(memory.forced_share)
     suspect = told.suspect if told.overview.heard_suspicion >= settings.warning_probability else None
     riser = told.riser
-    if memory.synchronous > MOST and riser is None:
+    surging = _surging(evidence, memory)
+    if memory.synchronous > MOST and riser is None and surging is None:
         return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
     if suspect is not None:
-        return Opinion("approaching", WARNING_RIGHT * calm, (reasons.warned(suspect),), suspect.heard)
+        return _warning(memory, calm, reasons.warned(suspect), suspect.heard)
     if riser is not None:
-        return Opinion("approaching", WARNING_RIGHT * calm, (reasons.louder(riser),), riser.heard)
+        return _warning(memory, calm, reasons.louder(riser), riser.heard)
     if evidence.orders.growth > 0.0:
-        return Opinion("approaching", WARNING_RIGHT * calm, (reasons.grown(evidence.orders.growth),))
+        return _warning(memory, calm, reasons.grown(evidence.orders.growth))
+    if surging is not None:
+        return _warning(memory, calm, reasons.surging(surging, memory.surge), surging)
     if _is_mostly_forced(memory, settings):
         return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
     return _stable_or_near(evidence, memory, calm * (1.0 - forced), settings)
+
+
+def _surging(evidence: Evidence, memory: Memory) -> Vibration | None:
+    """That with most power, where it has got louder by itself, and the cut with it, from one moment to the next."""
+    loudest = evidence.vibrations.loudest if memory.surge >= LOUDER else None
+    if loudest is None or own_rise(loudest.line.long_rise, loudest.line.absolute_rise) < LOUDER:
+        return None
+    return loudest
+
+
+def _warning(memory: Memory, calm: float, why: str, vibration: Vibration | None = None) -> Opinion:
+    """An early warning, the less sure the louder it is already."""
+    late = min(max(memory.louder, 0.0), MOST_LOUDER) - RIGHT_HALF_WAY
+    return Opinion("approaching", calm / (1.0 + math.exp(late / RIGHT_DOUBT)), (why,), vibration)
 
 
 def entering(memory: Memory, settings: JudgeSettings) -> Opinion:
@@ -135,7 +160,7 @@ def _stable_or_near(evidence: Evidence, memory: Memory, sure: float, settings: J
     margin, mode = evidence.margin, evidence.critical
     if margin.margin_ci95 is not None and margin.margin_ci95[1] < settings.approaching_margin_percent:
         why = f"only {max(margin.margin_percent or 0.0, 0.0):.0f} % more depth before it chatters"
-        return Opinion("approaching", WARNING_RIGHT * sure, (why,))
+        return _warning(memory, sure, why)
     if mode is None:
         return Opinion("stable", sure, ("no mode stands out",))
     where = f"damping {reasons.damping(mode)} at {mode.frequency_hz:.0f} Hz"
@@ -143,7 +168,7 @@ def _stable_or_near(evidence: Evidence, memory: Memory, sure: float, settings: J
     # What something forces reads as undamped.
     undamped = memory.undamped and is_undamped(evidence, settings)
     if undamped and not memory.told.is_forced(mode.frequency_hz, SAME_VIBRATION):
-        return Opinion("approaching", WARNING_RIGHT * sure, (where,))
+        return _warning(memory, sure, where)
     return Opinion("stable", sure, (where,))
 
 

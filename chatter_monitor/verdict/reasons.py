@@ -6,7 +6,7 @@ import math
 
 from chatter_monitor.kernels.testimony import CARRIER_HZ
 from chatter_monitor.tracking.orders import Orders
-from chatter_monitor.verdict.evidence import ModeEvidence
+from chatter_monitor.verdict.evidence import ModeEvidence, Vibration
 from chatter_monitor.verdict.vibrations import Followed
 
 # Said of every interval in which something is cut.
@@ -25,6 +25,12 @@ def warned(suspect: Followed) -> str:
 def louder(riser: Followed) -> str:
     """That a vibration is louder than it has been."""
     return f"{_line(riser)} is louder than it has been for seconds"
+
+
+def surging(vibration: Vibration, surge: float) -> str:
+    """That the cut has become louder by so much (natural logarithm of the amplitude), and a vibration with it."""
+    risen = f"the vibration at {vibration.line.frequency_hz:.0f} Hz has risen"
+    return f"{risen}, and the cut is {math.exp(surge):.1f} times as loud as half a second ago"
 
 
 def chatter(alarm: Followed, orders: Orders) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ MEANINGS = {
     "idle": "Nothing is being cut.",
     "stable": "Cutting; vibrations decay.",
     "forced": "What vibrates is driven from outside: change its source, not the cut.",
-    "approaching": "Little damping is left: chatter may be on its way.",
+    "approaching": "Little damping is left, or it gets louder: chatter may be on its way.",
     "self_excited": "The cut feeds the vibration.",
     "unknown": "Samples are missing or bad; nothing can be said.",
 }
