@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from benchmarks.verdict.curves import Detector, at_equal_false_alarms, curve
+from benchmarks.verdict.curves import (
+    Detector,
+    at_equal_false_alarms,
+    curve,
+    recall,
+    threshold,
+    threshold_of_all_families,
+)
 from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, RATE_HZ, Cut, Label, Stretch, Truth
 from benchmarks.verdict.monitor import Opinions
 from benchmarks.verdict.peers import PEERS
@@ -159,17 +166,45 @@ def test_peers_tell_a_chatter_line_from_cutting_noise(peer):
     assert score[90:].min() > score[20:50].max()
 
 
+def test_a_warning_is_told_before_an_alarm():
+    """Onsets have a lag until the first warning besides that until the alarm."""
+    state = np.where(LABELS == Label.SELF_EXCITED, "stable", PERFECT)
+    state[ONSET:] = ["stable", *["approaching"] * 3, *["self_excited"] * (LABELS.size - ONSET - 4)]
+    scores = as_results([heard(state)], [])["groups"]["all"]
+    assert scores["lags"]["median_ms"] == pytest.approx(240.0)
+    assert scores["lags_of_warnings"]["median_ms"] == pytest.approx(90.0)
+
+
 def test_lags_and_warnings_are_told_by_family_and_noise():
-    """A row for each that has any; one without onset or ramp has none."""
+    """A row for each that has an onset, and one for each of warnings."""
     console = Console(record=True, width=200)
     made = [heard(PERFECT), heard(PERFECT, "ramp"), heard(PERFECT, "forced")]
     show(console, "made up", as_results(made, []))
-    told = console.export_text().split("Sudden onsets and slow ramps")[1].split("Reliability")[0]
-    rows = {
-        cells[1].strip(): [cell.strip() for cell in cells[2:-1]]
-        for cells in (row.split("│") for row in told.splitlines())
-        if len(cells) > 2
-    }
-    assert set(rows) == {"all", "step", "ramp", "SNR 18-27 dB"}
-    assert rows["step"][:4] == ["1", "0", "0", "40"]
-    assert rows["ramp"][-3:-1] == ["1", "100 %"]
+    printed = console.export_text()
+    onsets, warned = (_rows(printed, title) for title in ("Alarms at sudden onsets", "Warnings or alarms"))
+    assert set(onsets) == {"all", "step", "SNR 18-27 dB"}
+    assert onsets["step"][:4] == ["1", "0", "0", "40"]
+    assert set(warned) == {"all", "step", "ramp", "forced", "SNR 18-27 dB"}
+    assert warned["step"][:4] == ["1", "0", "0", "40"]
+    assert warned["ramp"][-3:-1] == ["1", "100 %"]
+
+
+def _rows(printed, title):
+    """Cells of the rows of a table by their first one."""
+    table = printed.split(title)[1].split("└")[0]
+    rows = ([cell.strip() for cell in row.split("│")] for row in table.splitlines())
+    return {cells[1]: cells[2:-1] for cells in rows if len(cells) > 2}
+
+
+def test_no_family_has_more_false_alarms_than_are_allowed():
+    """One false alarm of a family with few intervals is too many there, and few enough among all."""
+    rare, often = heard(PERFECT, "step"), [heard(PERFECT, "forced")] * 9
+    score = (LABELS == Label.SELF_EXCITED).astype(float)
+    rare_score = score.copy()
+    rare_score[10] = 2.0  # of 54 intervals
+    detector, made = Detector("some", [rare_score] + [score] * 9), [rare, *often]
+    assert threshold(detector, made, 0.01) == 1.0
+    assert recall(detector, made, 1.0) == 1.0
+    assert threshold_of_all_families(detector, made, 0.01) == np.inf
+    assert recall(detector, made, np.inf) == 0.0
+    assert threshold_of_all_families(detector, made, 0.02) == 1.0

@@ -68,7 +68,8 @@ def show(console: Console, name: str, results: dict[str, Any]) -> None:
             _percent(score["event"]["false_alarm_share"], 0),
         )
     console.print(table)
-    console.print(_in_time(name, results["groups"]))
+    console.print(_onsets(name, results["groups"]))
+    console.print(_warnings(name, results["groups"]))
     table = Table(title=f"Reliability of the confidence, {name}")
     for heading in ("confidence", "verdicts", "mean", "right"):
         table.add_column(heading, justify="right")
@@ -95,25 +96,38 @@ def show(console: Console, name: str, results: dict[str, Any]) -> None:
     console.print(table)
 
 
-def _in_time(name: str, groups: dict[str, Any]) -> Table:
-    """How soon sudden onsets are told, and slow ramps warned of; where there are any."""
-    table = Table(title=f"Sudden onsets and slow ramps, {name}")
-    lag = ("onsets", "early", "never", "median lag, ms", "95 %", "over the limit", "95 %")
-    warning = ("of a warning, ms", "over the limit")
-    for heading in ("", *lag, *warning, "ramps", "warned in time", "below half the limit"):
+def _onsets(name: str, groups: dict[str, Any]) -> Table:
+    """How soon sudden onsets are told; where there are any."""
+    table = Table(title=f"Alarms at sudden onsets, {name}")
+    for heading in ("", "onsets", "early", "never", "median lag, ms", "95 %", "over the limit", "95 %"):
         table.add_column(heading, justify="right" if heading else "left")
     for group, score in groups.items():
-        told, warned = score["lags"], score["warnings"]
-        if told["cuts"] or warned["ramps"]:
+        told = score["lags"]
+        if told["cuts"]:
             table.add_row(
                 group,
                 *(str(told[key]) for key in ("cuts", "early", "never")),
                 *(_number(told[key]) for key in ("median_ms", "p95_ms", "median_over_limit", "p95_over_limit")),
-                *(_number(score["lags_of_warnings"][key]) for key in ("median_ms", "median_over_limit")),
-                str(warned["ramps"]),
-                _percent(warned["warned_before_doubling"], 0),
-                _percent(warned["raised_below_half_the_limit"], 1),
             )
+    return table
+
+
+def _warnings(name: str, groups: dict[str, Any]) -> Table:
+    """How soon sudden onsets and slow ramps are warned of at least, and how often for nothing."""
+    table = Table(title=f"Warnings or alarms, {name}")
+    onsets = ("onsets", "early", "never", "median lag, ms", "over the limit")
+    for heading in ("", *onsets, "ramps", "in time", "below half the limit"):
+        table.add_column(heading, justify="right" if heading else "left")
+    for group, score in groups.items():
+        told, warned = score["lags_of_warnings"], score["warnings"]
+        table.add_row(
+            group,
+            *(str(told[key]) for key in ("cuts", "early", "never")),
+            *(_number(told[key]) for key in ("median_ms", "median_over_limit")),
+            str(warned["ramps"]),
+            _percent(warned["warned_before_doubling"], 0),
+            _percent(warned["raised_below_half_the_limit"], 1),
+        )
     return table
 
 
