@@ -72,16 +72,16 @@ def by_family(detector: Detector, heard: list[Heard]) -> dict[str, tuple[Detecto
     return families
 
 
-def recall(detector: Detector, heard: list[Heard], threshold: float) -> float:
-    """Share of the self-excited intervals whose score is a threshold or more; NaN where there are none."""
+def recall(detector: Detector, heard: list[Heard], least: float) -> float:
+    """Share of the self-excited intervals whose score is so much or more; NaN where there are none."""
     found = [score[h.cut.truth.label == Label.SELF_EXCITED] for h, score in zip(heard, detector.scores, strict=True)]
     scores = np.concatenate(found)
-    return float(np.mean(scores >= threshold)) if scores.size else np.nan
+    return float(np.mean(scores >= least)) if scores.size else np.nan
 
 
-def lags_at(detector: Detector, heard: list[Heard], threshold: float) -> dict[str, float | None]:
-    """Lags of alarms at a threshold, as in `scoring.lags`."""
-    return lags((h.cut, score >= threshold) for h, score in zip(heard, detector.scores, strict=True))
+def lags_at(detector: Detector, heard: list[Heard], least: float) -> dict[str, float | None]:
+    """Lags of alarms from so high a score on, as in `scoring.lags`."""
+    return lags((h.cut, score >= least) for h, score in zip(heard, detector.scores, strict=True))
 
 
 def at_equal_false_alarms(detector: Detector, heard: list[Heard]) -> list[dict[str, Any]]:

@@ -81,7 +81,7 @@ class Loudness:
     def louder(self, power: float) -> float:
         """How much louder than usual this cut is with so much power (natural logarithm of the amplitude); 0 if unknown.
 
-        Other than for `rise`, what turns counts, and one interval is enough.
+        Unlike in `rise`, what turns counts, and one interval is enough.
         """
         usual = self.usual + self._usual_turning
         return 0.5 * math.log(power / usual) if usual > 0.0 and power > 0.0 else 0.0
