@@ -168,7 +168,7 @@ def test_peers_tell_a_chatter_line_from_cutting_noise(peer):
 
 def test_a_warning_is_told_before_an_alarm():
     """Onsets have a lag until the first warning besides that until the alarm."""
-    state = np.where(LABELS == Label.SELF_EXCITED, "stable", PERFECT)
+    state = list(PERFECT)
     state[ONSET:] = ["stable", *["approaching"] * 3, *["self_excited"] * (LABELS.size - ONSET - 4)]
     scores = as_results([heard(state)], [])["groups"]["all"]
     assert scores["lags"]["median_ms"] == pytest.approx(240.0)

@@ -73,10 +73,10 @@ def by_family(detector: Detector, heard: list[Heard]) -> dict[str, tuple[Detecto
 
 
 def recall(detector: Detector, heard: list[Heard], least: float) -> float:
-    """Share of the self-excited intervals whose score is so much or more; NaN where there are none."""
+    """Share of the self-excited intervals whose score is so much or more; 0 where there are none."""
     found = [score[h.cut.truth.label == Label.SELF_EXCITED] for h, score in zip(heard, detector.scores, strict=True)]
     scores = np.concatenate(found)
-    return float(np.mean(scores >= least)) if scores.size else np.nan
+    return float(np.sum(scores >= least)) / max(1, scores.size)
 
 
 def lags_at(detector: Detector, heard: list[Heard], least: float) -> dict[str, float | None]:

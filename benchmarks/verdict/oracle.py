@@ -191,7 +191,7 @@ def show(console: Console, found: list[Detector], heard: list[Heard], allowed: f
 
     The last two columns are of a threshold with which no family has more false alarms than are allowed.
     """
-    families = [name for name, of_family in by_family(found[0], heard).items() if not np.isnan(recall(*of_family, 0.0))]
+    families = list(dict.fromkeys(h.cut.family for h in heard if (h.cut.truth.label == Label.SELF_EXCITED).any()))
     table = Table(title=f"At {100 * allowed:g} % false alarms")
     table.add_column("detector")
     for heading in ("recall", "median lag", "over the limit", "95 %", "never", *families, "in every family", "never"):
