@@ -23,6 +23,7 @@ from chatter_monitor.records import Announcement, Health, Odp, OdpFrame, Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
 
 LONGEST_REQUEST = 4096  # bytes
+DELIMITER = b""  # between a peer's envelope and its request, which REQ puts there
 LONGEST_FRAME = 65536  # bytes; ZeroMQ closes the connection on more, before it takes up memory
 
 # A controller that follows the spindle ten times a second has room to spare.
@@ -118,6 +119,8 @@ class StatusReply(msgspec.Struct, frozen=True, kw_only=True):
 
 Reply = Done | Refused | StatusReply
 
+TOO_MANY = Refused(error=f"too many requests, allowed: {REQUESTS_HZ:g} a second")
+
 _DECODER = msgspec.json.Decoder(SetSpindle | Mark | AskStatus)
 
 
@@ -160,7 +163,8 @@ class Control(Outlet):
         self._verdicts: dict[int, Verdict] = {}
         self._limit = TokenBucket(REQUESTS_HZ, BURST, clock)
         self._context = zmq.Context()
-        self._socket = self._context.socket(zmq.REP)
+        # Not REP, which (libzmq 4.3.5) takes the next peer's reply for one that broke the protocol and has gone.
+        self._socket = self._context.socket(zmq.ROUTER)
         self._socket.linger = LINGER_MS
         self._socket.maxmsgsize = LONGEST_FRAME
         self._socket.rcvhwm = WAITING_REQUESTS
@@ -204,16 +208,18 @@ class Control(Outlet):
         self._thread.join()
 
     def _serve(self) -> None:
-        """Body of the thread: one reply to every request, whatever it is."""
+        """Body of the thread: one reply to every request, whatever it is, to the peer that it came from."""
         try:
             while True:
-                request = self._socket.recv_multipart()
-                if self._limit.take():
-                    reply = self._answer(request)
-                else:
-                    reply = Refused(error=f"too many requests, allowed: {REQUESTS_HZ:g} a second")
+                peer, *frames = self._socket.recv_multipart()
+                in_time = self._limit.take()
+                if not in_time:
                     time.sleep(REST_S)
-                self._socket.send(encode(reply))
+                if DELIMITER not in frames:  # such a peer waits for no reply
+                    continue
+                start = frames.index(DELIMITER) + 1
+                reply = self._answer(frames[start:]) if in_time else TOO_MANY
+                self._socket.send_multipart([peer, *frames[:start], encode(reply)])
         except zmq.ContextTerminated:
             pass
         finally:

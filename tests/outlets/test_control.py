@@ -326,6 +326,24 @@ def test_peers_that_break_the_protocol_below(control, client, rng):
     assert list(control.commands()) == []
 
 
+def test_a_peer_without_a_delimiter_that_has_gone_takes_no_reply():
+    """Heard only after its peer has left, a request without a delimiter costs a place in the rate, nobody a reply."""
+    spindle = SpindleSettings()
+    with (
+        Control("tcp://127.0.0.1:0", machine="m", spindle=spindle, clock=lambda: 0.0) as control,
+        client_of(control.endpoint) as client,
+    ):
+        assert all(client.request(command="status")["ok"] for _ in range(BURST))
+        with zmq.Context() as context, context.socket(zmq.DEALER) as busy, context.socket(zmq.DEALER) as rude:
+            for peer in busy, rude:
+                peer.linger = int(WAIT_S * 1000)
+                peer.connect(control.endpoint)
+            for _ in range(30):  # of which each keeps the thread from reading on
+                busy.send_multipart([b"", VALID[2]])
+            rude.send_multipart([b"no", b"delimiter"])
+        assert all("too many" in client.request(command="status")["error"] for _ in range(3))
+
+
 def test_a_huge_frame_ends_its_connection(control, client):
     """The largest frame is refused with a reply; beyond it the peer is cut off before the frame takes up memory."""
     assert client.ask(bytes(LONGEST_FRAME))["error"].startswith("a request is one frame")
