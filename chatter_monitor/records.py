@@ -192,6 +192,7 @@ class Verdict(Message, frozen=True, tag="verdict"):
     damping_ratio_ci95: tuple[float, float] | None = None
     order: float | None = None
     confidence: float = 0.0
+    chatter_probability: float | None = None
     margin_percent: float | None = None
     margin_percent_ci95: tuple[float, float] | None = None
     reasons: list[str] = []

@@ -21,6 +21,7 @@ from benchmarks.verdict.monitor import Opinions
 from benchmarks.verdict.peers import PEERS
 from benchmarks.verdict.report import as_results, show
 from benchmarks.verdict.scoring import Heard, by_event, by_interval, lags, reliability, warnings
+from chatter_monitor.records import Verdict
 
 ONSET = 60  # interval of the crossing
 LABELS = np.repeat(
@@ -58,7 +59,7 @@ def made_up(family="step", samples=None):
 
 
 def heard(state, family="step", confidence=0.9):
-    said = Opinions(np.array(state), confidence * ONES)
+    said = Opinions(np.array(state), confidence * ONES, 0.0 * ONES)
     return Heard(made_up(family), said)
 
 
@@ -136,11 +137,14 @@ def test_a_tone_called_forced_is_neither_right_nor_wrong():
     assert (row["verdicts"], row["right"]) == (np.sum(LABELS == Label.FORCED), 1.0)
 
 
-def test_the_surer_a_calm_verdict_the_lower_its_score():
-    """Alarms come by their confidence, warnings and the rest by what they are less than sure of."""
-    states, sure = ["self_excited"] * 2 + ["approaching"] * 2 + ["stable"] * 2, [0.95, 0.85, 0.1, 0.4, 0.6, 0.8]
-    score = Opinions(np.array(states), np.array(sure)).score
-    assert (np.diff(score) < 0.0).all()
+def test_the_score_is_what_the_monitor_tells():
+    """The probability of chatter, whatever the word; where it is unknown none is claimed."""
+    about = {"channel": 0, "t0": 0.0, "t1": 0.05, "sample0": 0, "sample1": 640}
+    told = (("self_excited", 0.99, 0.99), ("forced", 0.7, 0.2), ("unknown", 0.0, None))
+    verdicts = [Verdict(**about, state=state, confidence=sure, chatter_probability=p) for state, sure, p in told]
+    said = Opinions.of(verdicts)
+    assert said.state.tolist() == ["self_excited", "forced", "unknown"]
+    assert (said.confidence.tolist(), said.score.tolist()) == ([0.99, 0.7, 0.0], [0.99, 0.2, 0.0])
 
 
 def test_curve_of_a_score_that_knows_and_of_one_that_does_not():

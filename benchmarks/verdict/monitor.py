@@ -32,16 +32,22 @@ class Opinions:
         As in the verdict message.
     confidence : ndarray
         Likewise.
+    score : ndarray
+        How much speaks for self-excitation: its probability as in the message, 0 where that is unknown.
     """
 
     state: NDArray[np.str_]
     confidence: Floats
+    score: Floats
 
-    @property
-    def score(self) -> Floats:
-        """How much speaks for self-excitation: alarms by confidence, then warnings, then the rest, the other way."""
-        rank = np.where(self.state == "self_excited", 2.0, np.where(self.state == "approaching", 1.0, 0.0))
-        return np.asarray(rank + np.where(rank == 2.0, self.confidence, 1.0 - self.confidence))
+    @classmethod
+    def of(cls, verdicts: list[Verdict]) -> Opinions:
+        """Gather those of verdicts, one for each interval."""
+        return cls(
+            np.array([v.state for v in verdicts]),
+            np.array([v.confidence for v in verdicts]),
+            np.array([v.chatter_probability or 0.0 for v in verdicts]),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +103,7 @@ def listen(cut: Cut, told: tuple[float, int] | None) -> Opinions:
     kept = verdicts.verdicts
     if len(kept) != len(cut.truth):
         raise RuntimeError(f"{len(kept)} verdicts for {len(cut.truth)} intervals of {cut.name}")
-    return Opinions(np.array([v.state for v in kept]), np.array([v.confidence for v in kept]))
+    return Opinions.of(kept)
 
 
 def watch(passages: Iterable[Passage], *, announce: bool) -> Iterator[Remarks]:

@@ -24,7 +24,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-import numpy as np
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -107,8 +106,9 @@ def keep(cuts: Iterable[Cut], count: int, directory: Path) -> None:
 def judged(evidence: list[Evidence]) -> Opinions:
     """Judge what was seen of a cut."""
     judge = Judge(JudgeSettings())
-    verdicts = [judge.verdict(seen, i * INTERVAL_SAMPLES, INTERVAL_SAMPLES, RATE_HZ) for i, seen in enumerate(evidence)]
-    return Opinions(np.array([v.state for v in verdicts]), np.array([v.confidence for v in verdicts]))
+    return Opinions.of(
+        [judge.verdict(seen, i * INTERVAL_SAMPLES, INTERVAL_SAMPLES, RATE_HZ) for i, seen in enumerate(evidence)]
+    )
 
 
 def score(directory: Path) -> Scores:

@@ -57,3 +57,10 @@ MODES: tuple[Colour, ...] = (SKY_BLUE, ORANGE, BLUISH_GREEN, REDDISH_PURPLE)
 def mode_colour(mode: int) -> Colour:
     """Colour of a mode slot."""
     return MODES[mode % len(MODES)]
+
+
+def percent(probability: float) -> str:
+    """Tell a probability in whole percent, of which 0 and 100 would claim too much."""
+    if 0.0 < probability <= 0.005:
+        return "< 1 %"
+    return "> 99 %" if 0.995 <= probability < 1.0 else f"{100.0 * probability:.0f} %"

@@ -40,6 +40,7 @@ GAUGES = (
         "Change of the depth of cut to the limit of stability; below zero: beyond.",
     ),
     ("confidence_ratio", "confidence", 1.0, "How sure the verdict is, 0 to 1."),
+    ("chatter_probability_ratio", "chatter_probability", 1.0, "How likely it chatters, whatever the verdict, 0 to 1."),
 )
 
 HEALTH_STATES = get_args(get_type_hints(Health)["state"])

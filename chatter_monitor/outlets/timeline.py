@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from chatter_monitor.outlets.look import SEVERITY, STATES
+from chatter_monitor.outlets.look import SEVERITY, STATES, percent
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Announcement, Event, Health, Mismatch, Odp, OdpFrame, State, Verdict
 from chatter_monitor.verdict.reasons import DOUBTED
@@ -218,7 +218,7 @@ class Timeline(Outlet):
                 f"{stretch.t1:.2f} s",
                 frequency,
                 damping,
-                f"{100 * statistics.median(stretch.confidence):.0f} %" if stretch.confidence else "-",
+                percent(statistics.median(stretch.confidence)) if stretch.confidence else "-",
                 Text(STATES[stretch.state].word, style=STATES[stretch.state].style),
             )
         return table

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.outlets.event_files import RecordedEvent
-from chatter_monitor.outlets.look import GREY, STATES
+from chatter_monitor.outlets.look import GREY, STATES, percent
 from chatter_monitor.records import Verdict
 from chatter_monitor.reports.page import answer, facts, hex_colour, numbers, page, picture, table, text
 
@@ -37,7 +37,7 @@ def event_page(recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: ND
     """
     lasted_s = recorded.end_s - recorded.onset_s
     alarms = [v for v in verdicts if v.state == "self_excited"]
-    sure = np.median([v.confidence for v in alarms])
+    sure = float(np.median([v.confidence for v in alarms]))
     if recorded.withdrawn:
         what, did, is_called, look = "Withdrawn alarm", "there was", "was called", STATES["forced"]
     else:
@@ -52,7 +52,7 @@ def event_page(recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: ND
         ("lasted", f"{lasted_s:.2f} s"),
         ("frequency", f"{recorded.peak_frequency_hz:.0f} Hz"),
         ("least damping", f"{100 * recorded.min_damping_ratio:.2f} %"),
-        ("sure", f"{100 * sure:.0f} %"),
+        ("sure", percent(sure)),
         ("spindle", "unknown" if speed_rpm is None else f"{speed_rpm:.0f} rpm"),
     ]
     parts = [

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels import heard as kernel
+from chatter_monitor.kernels.kinds import own_rise
+from chatter_monitor.kernels.lines import ABSOLUTE_RISE, LONG_RISE, SHARE
 from chatter_monitor.records import Flag, ModeStatus
 from chatter_monitor.tracking.channel import Observation
 from chatter_monitor.tracking.margin import Margin
@@ -89,7 +91,15 @@ class Heard(Sequence[Vibration]):
     @property
     def loudest(self) -> Vibration | None:
         """That with most of the power."""
-        return max(self, key=lambda vibration: vibration.line.share, default=None)
+        return self[int(self.table[:, SHARE].argmax())] if len(self) else None
+
+    @property
+    def own_rise(self) -> float:
+        """By how much that has got louder by itself (natural logarithm of the amplitude); 0 where there is none."""
+        if not len(self):
+            return 0.0
+        loudest = self.table[self.table[:, SHARE].argmax()]
+        return float(own_rise(loudest[LONG_RISE], loudest[ABSOLUTE_RISE]))
 
     def copy(self) -> Heard:
         """The same with a table of its own."""

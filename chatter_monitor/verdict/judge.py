@@ -15,8 +15,10 @@ from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.arrival import Arrival
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, spindle_order
 from chatter_monitor.verdict.irregularity import Irregularity
+from chatter_monitor.verdict.level import Level
 from chatter_monitor.verdict.loudness import Loudness
 from chatter_monitor.verdict.opinion import Memory, Opinion, entering, is_undamped, opinion, stands_for
+from chatter_monitor.verdict.probability import Signs, chatter_probability, told_by_vibrations
 from chatter_monitor.verdict.settings import JudgeSettings
 from chatter_monitor.verdict.surge import Surge
 from chatter_monitor.verdict.vibrations import Followed, Following, Told, repeating_share, steady_share
@@ -28,9 +30,6 @@ WITHOUT_MARGIN = ("idle", "unknown", "self_excited")
 AFTER_CHATTER = Margin(reason="the cut chattered just now")
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
-
-# Of the intervals that are alarms because of how loud it is, so many were right (development cuts).
-LOUD_RIGHT = 0.99
 
 # Weight of an interval in the average of the shares: what is said does not flicker.
 AVERAGING = 0.15
@@ -47,18 +46,24 @@ class Judge:
         Number that the verdicts carry.
     interval_s : float
         Length of an interval, for forgetting the loudest level.
+
+    Attributes
+    ----------
+    memory : Memory
+        What is remembered of the last interval.
     """
 
     def __init__(self, settings: JudgeSettings, channel: int = 0, interval_s: float = 0.05) -> None:
         self._settings = settings
         self._channel = channel
         self._forgetting = 1.0 - interval_s / 60.0
-        self._memory = Memory()
+        self.memory = Memory()
         self._following = Following()
         self._loudness = Loudness(interval_s)
         self._irregularity = Irregularity(interval_s)
         self._arrival = Arrival(interval_s)
         self._surge = Surge(interval_s)
+        self._level = Level(interval_s)
         self._withdrawal = Withdrawal()
 
     def set_thresholds(self, settings: JudgeSettings) -> None:
@@ -69,14 +74,15 @@ class Judge:
         """Judge the next interval."""
         settings = self._settings
         deaf = bool(evidence.flags) and bool(evidence.flags & DEAF)  # joining enumerations takes its time
+        power = evidence.rms**2
         memory = self._hear(0.0 if deaf else evidence.rms)  # what is not to be trusted sets no level
         if memory.since_alarm < FRAMES_TO_RENEW:
             evidence = evidence._replace(margin=AFTER_CHATTER)
         if deaf:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif (quiet := _quiet(evidence, memory, settings)) is not None:
-            self._rest(forget=evidence.alone or self._arrival.came_with_tool(evidence.rms**2))
-            self._irregularity.idle(evidence.rms**2, evidence.orders.recurring_share)
+            self._rest(forget=evidence.alone or self._arrival.came_with_tool(power))
+            self._irregularity.idle(power, evidence.orders.recurring_share)
             memory = memory._replace(told=Told())
             view = Opinion("idle", 0.95, (quiet,))
         elif evidence.starting:
@@ -90,10 +96,14 @@ class Judge:
             memory = self._follow(memory, evidence)
             view = self._withdrawn(opinion(evidence, memory, settings), evidence, memory)
             view = self._by_loudness(view, evidence, memory)
-            self._arrival.hear(evidence.rms**2, alarm=view.state == "self_excited")
+            self._arrival.hear(power, alarm=view.state == "self_excited")
+        if view.grounds not in (None, "alarm"):
+            self._level.remember(power)
         undamped = view.state != "unknown" and is_undamped(evidence, settings)
         since_alarm = 0.0 if view.state == "self_excited" else memory.since_alarm + 1.0
-        self._memory = memory._replace(
+        signs = _signs(view, evidence, memory)
+        self.memory = memory._replace(
+            signs=signs,
             forced=view.state == "forced",
             undamped=undamped,
             since_alarm=since_alarm,
@@ -116,7 +126,6 @@ class Judge:
             steady=steady,
             repeating=repeating,
             forced_share=forced_share,
-            louder=self._loudness.louder(power),
             surge=self._surge.hear(power, forced_share),
         )
 
@@ -156,25 +165,29 @@ class Judge:
         heard = evidence.power, evidence.turning, repeating
         loud = self._loudness.hear(*heard, alarm=alarm or irregular, odds=odds, calm=calm and not irregular)
         if irregular and not alarm:
-            return Opinion("self_excited", LOUD_RIGHT, (reasons.irregular(times),), evidence.vibrations.loudest)
+            return Opinion("self_excited", 1.0, (reasons.irregular(times),), evidence.vibrations.loudest)
         if alarm or not loud:
             return view
         about = suspect if chattered is None else chattered
         rise = self._loudness.rise
         why = reasons.still_loud(rise) if suspect is None else reasons.loud(suspect, rise)
-        return Opinion("self_excited", LOUD_RIGHT, (why,), None if about is None else about.heard)
+        return Opinion("self_excited", 1.0, (why,), None if about is None else about.heard)
 
     def _hear(self, level: float) -> Memory:
         """Take note of how loud it is."""
-        loudest = self._memory.loudest
+        loudest = self.memory.loudest
         # it at most doubles with each interval, so that one click does not make a quiet cut look idle for minutes
         credible = min(level, 2.0 * loudest) if loudest > 0.0 else level
-        return self._memory._replace(loudest=max(credible, loudest * self._forgetting))
+        louder = self._level.louder(level**2)
+        return self.memory._replace(loudest=max(credible, loudest * self._forgetting), louder=louder)
 
     def _record(
         self, view: Opinion, evidence: Evidence, first_sample: int, samples: int, sample_rate_hz: float
     ) -> Verdict:
         frequency_hz, mode = _meant(view, evidence)
+        signs = self.memory.signs
+        chatter = 0.0 if signs is None else chatter_probability(signs)
+        claimed = chatter if view.state == "self_excited" else 1.0 - chatter
         # while nothing is cut what turns may be another machine
         doubted = evidence.orders.doubted and view.state != "idle"
         margin = Margin() if view.state in WITHOUT_MARGIN else evidence.margin
@@ -192,12 +205,21 @@ class Judge:
             damping_ratio=damping_ratio,
             damping_ratio_ci95=(mode.damping_ratio - half, mode.damping_ratio + half) if mode is not None else None,
             order=None if frequency_hz is None else spindle_order(frequency_hz, evidence.orders),
-            confidence=round(view.confidence, 4),
+            confidence=round(view.right * claimed, 4),
+            chatter_probability=None if view.state == "unknown" else round(chatter, 4),
             margin_percent=margin.margin_percent,
             margin_percent_ci95=margin.margin_ci95,
             reasons=[*view.reasons, reasons.DOUBTED] if doubted else list(view.reasons),
             flags=evidence.flags.names(),
         )
+
+
+def _signs(view: Opinion, evidence: Evidence, memory: Memory) -> Signs | None:
+    """What tells how likely an interval is chatter; None where nothing is cut, or nobody knows."""
+    grounds = view.grounds
+    if grounds is None:
+        return None
+    return Signs(grounds, told_by_vibrations(grounds, memory.told), memory.louder, evidence.vibrations.own_rise)
 
 
 def _grown_suspect(told: Told, *, unheard: bool) -> Followed | None:

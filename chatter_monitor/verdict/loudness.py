@@ -9,7 +9,6 @@ alarm, the alarm goes on.
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections import deque
 
@@ -77,14 +76,6 @@ class Loudness:
     def forget(self) -> None:
         """Take what is loud as explained: no alarm goes on for it."""
         self._suspected, self._alarmed, self._now, self.rise = 0, 0, None, 0.0
-
-    def louder(self, power: float) -> float:
-        """How much louder than usual this cut is with so much power (natural logarithm of the amplitude); 0 if unknown.
-
-        Unlike in `rise`, what turns counts, and one interval is enough.
-        """
-        usual = self.usual + self._usual_turning
-        return 0.5 * math.log(power / usual) if usual > 0.0 and power > 0.0 else 0.0
 
     def hear(self, power: float, turning: float, repeating: float, *, alarm: bool, odds: float, calm: bool) -> bool:
         """Hear an interval of cutting.

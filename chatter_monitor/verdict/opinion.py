@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from chatter_monitor.kernels.kinds import LOUDER, own_rise
+from chatter_monitor.kernels.kinds import LOUDER
 from chatter_monitor.kernels.vibrations import JUST_NOW
 from chatter_monitor.records import State
 from chatter_monitor.tracking.orders import Source
 from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.evidence import Evidence, Vibration, probability_below
+from chatter_monitor.verdict.probability import Grounds, Signs
 from chatter_monitor.verdict.settings import JudgeSettings
 from chatter_monitor.verdict.vibrations import Told
 
@@ -21,11 +22,9 @@ MOST = 0.5
 # e-fold.
 FORCED_WITH_NONE = 0.01
 HALF_WAY, SHARE_DOUBT = 0.645, 0.11
-# How likely a warning is right, and not late, or of what is forced, by how much louder than usual the cut is (natural
-# logarithm of the amplitude), likewise: where it is as likely as not, how far from there the odds change e-fold, and up
-# to where that was seen.
-RIGHT_HALF_WAY, RIGHT_DOUBT = 0.88, 1.12
-MOST_LOUDER = 1.5
+# Where most of the power is forced for certain, and there is no chatter, so many of the warnings are wrong (development
+# cuts): the truth is that it is forced.
+WRONG_WHERE_FORCED = 0.65
 # Of what is forced so much is heard as steady: the rest is unsteady, or in lines too weak to stand out.
 HEARD_AS_STEADY = 0.67
 # By so much the share may be below the border before what was called forced is not any more, and the other way round.
@@ -61,7 +60,9 @@ class Memory(NamedTuple):
     source : str or None
         How the speed was known in the last interval.
     louder, surge : float
-        By how much it is louder than usual, and than half a second ago (natural logarithm of the amplitude).
+        By how much it is louder than in the last cuts, and than half a second ago (natural logarithm of the amplitude).
+    signs : Signs or None
+        What told how likely the last interval was chatter, if something was cut.
     """
 
     loudest: float = 0.0
@@ -76,6 +77,7 @@ class Memory(NamedTuple):
     source: Source | None = None
     louder: float = 0.0
     surge: float = 0.0
+    signs: Signs | None = None
 
     @property
     def calm(self) -> bool:
@@ -84,12 +86,40 @@ class Memory(NamedTuple):
 
 
 class Opinion(NamedTuple):
-    """State, how sure, why, and which vibration is meant."""
+    """What an interval is called.
+
+    Attributes
+    ----------
+    state : State
+        The word.
+    right : float
+        How likely that is right if it chatters, of an alarm, or if it does not, of all other words.
+    reasons : tuple of str
+        Why.
+    vibration : Vibration or None
+        Which one is meant.
+    surging : bool
+        Whether that is because it gets louder from one moment to the next.
+    """
 
     state: State
-    confidence: float
+    right: float
     reasons: tuple[str, ...]
     vibration: Vibration | None = None
+    surging: bool = False
+
+    @property
+    def grounds(self) -> Grounds | None:
+        """What its probability of chatter is to be told from; None where nothing is cut, or nobody knows."""
+        match self.state:
+            case "self_excited":
+                return "alarm"
+            case "approaching":
+                return "surge" if self.surging else "warning"
+            case "stable" | "forced":
+                return "calm"
+            case "idle" | "unknown":
+                return None
 
 
 def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opinion:
@@ -97,39 +127,35 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     told = memory.told
     alarm = told.alarm
     if alarm is not None:
-        return Opinion("self_excited", alarm.self_excited, reasons.chatter(alarm, evidence.orders), alarm.heard)
-    calm = 1.0 - told.overview.suspicion
+        return Opinion("self_excited", 1.0, reasons.chatter(alarm, evidence.orders), alarm.heard)
     forced = _forced_by(memory.forced_share)
     suspect = told.suspect if told.overview.heard_suspicion >= settings.warning_probability else None
     riser = told.riser
     surging = _surging(evidence, memory)
     if memory.synchronous > MOST and riser is None and surging is None:
-        return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
+        return Opinion("forced", forced, *_why_forced(evidence, memory, settings))
     if suspect is not None:
-        return _warning(memory, calm, reasons.warned(suspect), suspect.heard)
+        return _warning(forced, reasons.warned(suspect), suspect.heard)
     if riser is not None:
-        return _warning(memory, calm, reasons.louder(riser), riser.heard)
+        return _warning(forced, reasons.louder(riser), riser.heard)
     if evidence.orders.growth > 0.0:
-        return _warning(memory, calm, reasons.grown(evidence.orders.growth))
+        return _warning(forced, reasons.grown(evidence.orders.growth))
     if surging is not None:
-        return _warning(memory, calm, reasons.surging(surging, memory.surge), surging)
+        return _warning(forced, reasons.surging(surging, memory.surge), surging)._replace(surging=True)
     if _is_mostly_forced(memory, settings):
-        return Opinion("forced", calm * forced, *_why_forced(evidence, memory, settings))
-    return _stable_or_near(evidence, memory, calm * (1.0 - forced), settings)
+        return Opinion("forced", forced, *_why_forced(evidence, memory, settings))
+    return _stable_or_near(evidence, memory, forced, settings)
 
 
 def _surging(evidence: Evidence, memory: Memory) -> Vibration | None:
     """That with most power, where it has got louder by itself, and the cut with it, from one moment to the next."""
-    loudest = evidence.vibrations.loudest if memory.surge >= LOUDER else None
-    if loudest is None or own_rise(loudest.line.long_rise, loudest.line.absolute_rise) < LOUDER:
-        return None
-    return loudest
+    surging = memory.surge >= LOUDER and evidence.vibrations.own_rise >= LOUDER
+    return evidence.vibrations.loudest if surging else None
 
 
-def _warning(memory: Memory, calm: float, why: str, vibration: Vibration | None = None) -> Opinion:
-    """An early warning, the less sure the louder it is already."""
-    late = min(max(memory.louder, 0.0), MOST_LOUDER) - RIGHT_HALF_WAY
-    return Opinion("approaching", calm / (1.0 + math.exp(late / RIGHT_DOUBT)), (why,), vibration)
+def _warning(forced: float, why: str, vibration: Vibration | None = None) -> Opinion:
+    """An early warning, where so likely most of the power is forced."""
+    return Opinion("approaching", 1.0 - WRONG_WHERE_FORCED * forced, (why,), vibration)
 
 
 def entering(memory: Memory, settings: JudgeSettings) -> Opinion:
@@ -155,21 +181,21 @@ def _forced_by(share: float) -> float:
     return FORCED_WITH_NONE + (1.0 - FORCED_WITH_NONE) / (1.0 + math.exp((HALF_WAY - share) / SHARE_DOUBT))
 
 
-def _stable_or_near(evidence: Evidence, memory: Memory, sure: float, settings: JudgeSettings) -> Opinion:
+def _stable_or_near(evidence: Evidence, memory: Memory, forced: float, settings: JudgeSettings) -> Opinion:
     """Among what neither is chatter nor forced: how much is left."""
     margin, mode = evidence.margin, evidence.critical
     if margin.margin_ci95 is not None and margin.margin_ci95[1] < settings.approaching_margin_percent:
         why = f"only {max(margin.margin_percent or 0.0, 0.0):.0f} % more depth before it chatters"
-        return _warning(memory, sure, why)
+        return _warning(forced, why)
     if mode is None:
-        return Opinion("stable", sure, ("no mode stands out",))
+        return Opinion("stable", 1.0 - forced, ("no mode stands out",))
     where = f"damping {reasons.damping(mode)} at {mode.frequency_hz:.0f} Hz"
     # One interval, the second of a recording above all, says little that the next does not take back.
     # What something forces reads as undamped.
     undamped = memory.undamped and is_undamped(evidence, settings)
     if undamped and not memory.told.is_forced(mode.frequency_hz, SAME_VIBRATION):
-        return _warning(memory, sure, where)
-    return Opinion("stable", sure, (where,))
+        return _warning(forced, where)
+    return Opinion("stable", 1.0 - forced, (where,))
 
 
 def is_undamped(evidence: Evidence, settings: JudgeSettings) -> bool:

@@ -91,6 +91,7 @@ def messages() -> list[Verdict | Event | Health]:
             damping_ratio_ci95=(-0.0016, -0.0006),
             order=7.0,
             confidence=0.98,
+            chatter_probability=0.98,
             margin_percent=-3.0,
             reasons=["damping is negative"],
             flags=["clipped"],

@@ -227,6 +227,25 @@ def test_the_margin_is_said_where_it_matters(messages, state, percent, interval,
     assert said is None or said in told
 
 
+@pytest.mark.parametrize(
+    ("state", "probability", "said"),
+    [
+        ("stable", 0.004, "- that it chatters: **< 1 %**"),
+        ("forced", 0.173, "- that it chatters: **17 %**"),
+        ("approaching", 0.4, "- that it chatters: **40 %**"),
+        ("self_excited", 0.98, None),
+        ("idle", 0.0, None),
+        ("unknown", None, None),
+    ],
+)
+def test_how_likely_it_chatters_is_said_of_a_cut_without_an_alarm(messages, state, probability, said):
+    """An alarm is as sure as that; in air it goes without saying."""
+    verdict = next(message for message in messages if isinstance(message, Verdict))
+    told = words.evidence(msgspec.structs.replace(verdict, state=state, chatter_probability=probability))
+    assert ("that it chatters" in told) == (said is not None)
+    assert said is None or said in told.splitlines()
+
+
 def test_health_is_shown(drawn):
     """The newest state of health is the last message's, and the log tells when it changed."""
     rrd, kept = drawn

@@ -37,7 +37,11 @@ def queries():
 def exported():
     """Label values of every metric that the endpoint tells, by label."""
     with Metrics("127.0.0.1:0", machine="lathe-3", clock=lambda: 0.0) as metrics:
-        for message in (msgspec.structs.replace(verdict(0), margin_percent=5.0), health(), event()):
+        for message in (
+            msgspec.structs.replace(verdict(0), margin_percent=5.0, chatter_probability=0.01),
+            health(),
+            event(),
+        ):
             metrics.message(message)
         metrics.message(health(latency_ms_p50=1.0, latency_ms_p99=2.0))
         metrics.block(Block(0, np.zeros((1, 1)), 12_800.0))

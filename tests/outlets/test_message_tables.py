@@ -25,6 +25,7 @@ FULL = verdict(
     damping_ratio_ci95=(-0.01, 0.01),
     order=3.5,
     confidence=0.9,
+    chatter_probability=0.05,
     margin_percent=-4.0,
     margin_percent_ci95=(-8.0, 1.0),
     flags=["clipped"],

@@ -90,6 +90,8 @@ def test_a_verdict_is_one_of_its_states(metrics, messages):
     assert values["chatter_monitor_damping_ratio", ("channel", "0")] == -0.0011
     assert values["chatter_monitor_margin_ratio", ("channel", "0")] == pytest.approx(-0.03)
     assert values["chatter_monitor_confidence_ratio", ("channel", "1")] == 0
+    assert values["chatter_monitor_chatter_probability_ratio", ("channel", "0")] == 0.98
+    assert ("chatter_monitor_chatter_probability_ratio", ("channel", "1")) not in values
     assert ("chatter_monitor_frequency_hertz", ("channel", "1")) not in values
 
 

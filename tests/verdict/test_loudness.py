@@ -109,16 +109,6 @@ def test_usual_is_what_was_calm_in_the_last_seconds():
     assert loudness.usual == CHATTER
 
 
-def test_louder_than_usual_counts_what_turns():
-    """Nine times all of its usual power is three times as loud; of a cut that is not known nothing is told."""
-    loudness = Loudness(INTERVAL_S)
-    hear(loudness, 1.0, LEAST - 1, turning=2.0)
-    assert loudness.louder(27.0) == 0.0
-    hear(loudness, 1.0, 1, turning=2.0)
-    assert loudness.louder(27.0) == pytest.approx(1.0986, abs=1e-4)
-    assert loudness.louder(0.0) == 0.0
-
-
 def test_what_is_suspected_is_an_alarm_when_it_gets_loud():
     """Within a quarter of a second, and for as long as it is loud; not where nothing is suspected."""
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from chatter_monitor.outlets.look import STATES
+from chatter_monitor.outlets.look import STATES, percent
 from chatter_monitor.records import Event, Health, Verdict
 
 LARGE_PERCENT = 100
+# An alarm is as sure as it is likely chatter.
+CUTTING = ("stable", "forced", "approaching")
 MEANINGS = {
     "idle": "Nothing is being cut.",
     "stable": "Cutting; vibrations decay.",
@@ -31,7 +33,9 @@ def evidence(verdict: Verdict) -> str:
         lines.append(f"- **{_margin(verdict.margin_percent)}** more depth of cut before it chatters{_between(verdict)}")
     if verdict.order is not None:
         lines.append(f"- **{verdict.order:.2f}** times the spindle")
-    lines.append(f"- sure: **{100 * verdict.confidence:.0f} %**")
+    lines.append(f"- sure: **{percent(verdict.confidence)}**")
+    if verdict.chatter_probability is not None and verdict.state in CUTTING:
+        lines.append(f"- that it chatters: **{percent(verdict.chatter_probability)}**")
     if verdict.reasons:
         lines += ["", "**Why**", "", *(f"- {reason}" for reason in verdict.reasons)]
     if verdict.flags:
