@@ -78,6 +78,7 @@ class Irregularity:
         self._usual_level = math.nan
         self._age = 0
         self._foreign = 0.0  # power that came back while nothing was cut: of another machine
+        self._turned = False
         self._irregular = False
 
     def idle(self, power: float, recurring: float | None) -> None:
@@ -90,7 +91,7 @@ class Irregularity:
         self._now.clear()
         self._past.clear()
         self._usual = []
-        self._irregular = False
+        self._turned = self._irregular = False
 
     def hear(self, power: float, recurring: float | None, repeating: float, *, calm: bool, turns: bool) -> float:
         """Hear an interval of cutting.
@@ -104,7 +105,8 @@ class Irregularity:
         calm : bool
             Whether there has been no other alarm just now: only what is calm is usual.
         turns : bool
-            Whether the spindle is heard in it: no such alarm begins while its speed is only remembered.
+            Whether the spindle is heard in it: no such alarm begins while its speed is only remembered, nor with the
+            first interval in which it is heard again. While it changes it is lost, and by chance heard for a moment.
 
         Returns
         -------
@@ -116,6 +118,7 @@ class Irregularity:
         share = math.nan if recurring is None else recurring
         back, rest = _log(share * power), _log((1.0 - share) * power)
         self._now.append(Heard(level, back, rest, repeating, change))
+        turning, self._turned = turns and self._turned, turns
         if len(self._now) > self._enough:
             past = self._now.popleft()
             if calm and not self._irregular:
@@ -130,7 +133,7 @@ class Irregularity:
         now, usual = _median(self._now), _median(self._usual)
         loud = rise >= part * LOUD and (_is_restless(now, usual) or self._irregular)
         of_the_cut = usual.back >= _log(OF_THE_CUT * self._foreign)
-        known = of_the_cut and (turns or self._irregular)
+        known = of_the_cut and (turning or self._irregular)
         self._irregular = loud or (known and _has_left_the_load(now, usual, part))
         return rise if self._irregular else 0.0
 
