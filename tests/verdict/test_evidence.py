@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from chatter_monitor.kernels.heard import AUDIBLE_SHARE, ORDER_TOLERANCE_HZ, SIGNIFICANT_SHARE, place
+from chatter_monitor.kernels.kinds import LIFTED
 from chatter_monitor.kernels.lines import MEASURES
 from chatter_monitor.records import Flag, ModeStatus, OdpFrame
 from chatter_monitor.tracking.channel import Observation
@@ -210,3 +211,14 @@ def test_spindle_order_is_the_frequency_in_revolutions():
     """At 27.6 revolutions a second 993.6 Hz is the 36th order; without a speed there is none."""
     assert spindle_order(993.6, orders_of(27.6, "found")) == pytest.approx(36.0)
     assert spindle_order(993.6, orders_of()) is None
+
+
+def test_the_rise_of_what_is_loudest():
+    """Of the line with most of the power what its surroundings and it did not lift; nothing where there is no line."""
+    faint = line(400.0, share=0.2)._replace(long_rise=3.0, absolute_rise=3.0)
+    loud = line(900.0, share=0.6)._replace(long_rise=0.5, absolute_rise=2.0)
+    seen = weigh(frame(), lines=[faint, loud]).vibrations
+    assert seen.loudest.line.frequency_hz == 900.0
+    assert seen.own_rise == pytest.approx(0.5 + LIFTED * 2.0)
+    nothing = weigh(frame()).vibrations
+    assert (nothing.loudest, nothing.own_rise) == (None, 0.0)

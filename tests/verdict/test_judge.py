@@ -587,6 +587,8 @@ def test_a_word_is_as_sure_as_that_it_chatters_or_does_not():
             assert verdict.confidence <= 1.0 - verdict.chatter_probability
     assert {verdict.state for verdict in told} >= {"self_excited", "approaching", "stable", "forced"}
     assert max(verdict.confidence for verdict in told if verdict.state == "self_excited") > 0.98
+    calm = told[len(ONSET) // 2]  # with nothing heard as forced it is stable, but for one or two in a hundred
+    assert calm.confidence == pytest.approx(0.987 * (1.0 - calm.chatter_probability), abs=0.001)
 
 
 def test_chatter_is_the_likelier_the_louder_it_is():
@@ -596,6 +598,14 @@ def test_chatter_is_the_likelier_the_louder_it_is():
     assert usual.chatter_probability < 0.02
     assert 0.05 < loud.chatter_probability < 0.5
     assert (air.chatter_probability, lossy.chatter_probability) == (0.0, None)
+
+
+def test_an_alarm_is_never_usual():
+    """However long it lasts, it is four times as loud as the cut that it began in."""
+    judge = Judge(JudgeSettings())
+    for i, each in enumerate([*[CALM] * 40, *[evidence(growing(), rms=4.0)] * 500]):
+        judge.verdict(each, 640 * i, 640, 12_800.0)
+    assert judge.memory.louder == pytest.approx(math.log(4.0))
 
 
 def test_the_usual_level_is_that_of_the_cuts_before():
