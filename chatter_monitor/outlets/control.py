@@ -22,8 +22,8 @@ from chatter_monitor.outlets.wire import encode
 from chatter_monitor.records import Announcement, Health, Odp, OdpFrame, Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
 
-LONGEST_REQUEST = 4096  # bytes
 DELIMITER = b""  # between a peer's envelope and its request, which REQ puts there
+LONGEST_REQUEST = 4096  # bytes
 LONGEST_FRAME = 65536  # bytes; ZeroMQ closes the connection on more, before it takes up memory
 
 # A controller that follows the spindle ten times a second has room to spare.

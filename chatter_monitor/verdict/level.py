@@ -10,6 +10,11 @@ from chatter_monitor.verdict.recent import Recent
 REMEMBERED_S, LEAST_S = 20.0, 1.0
 
 
+def louder(power: float, before: float) -> float:
+    """By how much a power is louder than another (natural logarithm of the amplitude); 0 where one of them is none."""
+    return 0.5 * math.log(power / before) if before > 0.0 and power > 0.0 else 0.0
+
+
 class Level:
     """Power of one channel while it cut without an alarm.
 
@@ -29,5 +34,4 @@ class Level:
 
     def louder(self, power: float) -> float:
         """By how much so much power is louder than usual (natural logarithm of the amplitude); 0 if that is unknown."""
-        usual = self._power.median if len(self._power) >= self._least else 0.0
-        return 0.5 * math.log(power / usual) if usual > 0.0 and power > 0.0 else 0.0
+        return louder(power, self._power.median) if len(self._power) >= self._least else 0.0

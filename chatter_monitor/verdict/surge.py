@@ -7,8 +7,7 @@ A tool that enters gets louder as well; what repeats in the room that it comes o
 
 from __future__ import annotations
 
-import math
-
+from chatter_monitor.verdict.level import louder
 from chatter_monitor.verdict.recent import Recent
 
 # What is now is held against the median of so many seconds before; half of it later it is no news any more.
@@ -45,7 +44,7 @@ class Surge:
             or was no cut.
         """
         known = len(self._power) == self._enough and self._forced_share.median >= OF_A_CUT
-        before = self._power.median if known else 0.0
+        rise = louder(power, self._power.median) if known else 0.0
         self._power.append(power)
         self._forced_share.append(forced_share)
-        return 0.5 * math.log(power / before) if before > 0.0 and power > 0.0 else 0.0
+        return rise

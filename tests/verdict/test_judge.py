@@ -660,6 +660,13 @@ def test_another_cut_is_no_surge():
     assert "approaching" not in states(*before(), SILENCE, *[surging()] * 5)
 
 
+def test_a_surge_is_the_less_sure_where_the_usual_is_known():
+    """After half a second nobody knows what is usual; after one and a half it is 2.7 times as loud as that."""
+    early, late = (judged(*before() * times, surging())[-1] for times in (1, 3))
+    assert (early.state, late.state) == ("approaching", "approaching")
+    assert (early.confidence, late.confidence) == (pytest.approx(0.674, abs=0.002), pytest.approx(0.595, abs=0.002))
+
+
 def test_a_surge_outweighs_what_turns():
     """It is warned of where more than half of the power turned until then."""
     turning = evidence(orders=TURNING._replace(repeating_share=0.9))

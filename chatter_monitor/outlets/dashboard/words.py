@@ -6,7 +6,7 @@ from chatter_monitor.outlets.look import STATES, percent
 from chatter_monitor.records import Event, Health, Verdict
 
 LARGE_PERCENT = 100
-# An alarm is as sure as it is likely chatter.
+# Words of a cut without an alarm, which is itself as sure as it is likely chatter.
 CUTTING = ("stable", "forced", "approaching")
 MEANINGS = {
     "idle": "Nothing is being cut.",
