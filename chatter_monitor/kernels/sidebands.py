@@ -4,10 +4,14 @@ A vibration that excites itself in a machine that turns has two frequencies, its
 sums and differences of their multiples: it is quasi-periodic. What is forced has one.
 
 Both explanations are counted alike: for each line -ln(chance to lie so near to one of their places), less what the
-choice of these lines among all is worth, and less the lines that the explanation was made from.
+choice of these lines among all is worth, and less the lines that the explanation was made from. Two frequencies have
+lines at small multiples of both; of a low frequency that nearly divides them these are a few large multiples out of
+hundreds, and nothing tells why these. So of the places of either explanation the choice of those that have a line is
+weighed as well, unless a comb is one that a machine may have.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -21,10 +25,19 @@ OVERTONES = 2
 CLEAR, CLEAR_SHARE = 3.0, 0.006
 # Most teeth of a spindle. What a chip is thick varies from tooth to tooth, so that the rotation is heard between them.
 MOST_TEETH = 6
+# A comb has a spacing among its multiples when that is so near to one, as a part of the comb's own.
+SAME = 0.02
 # Two lines make an explanation; with less than so many nothing is explained.
 FEWEST = 4
 # A spacing that comes from two lines is so exact, in their tolerances; then it is fitted to all.
 ROUGHLY = 2.0
+
+
+class Beside(NamedTuple):
+    """Sidebands that a comb is held against: their spacing, and how scattered they are (`scattered_sidebands`)."""
+
+    spacing: float
+    scattered: float
 
 
 @njit(**OPTIONS)
@@ -76,10 +89,12 @@ def best_sidebands(frequencies, tolerances, carriers, low, high, teeth, parts, f
 
 
 @njit(**OPTIONS)
-def best_comb(frequencies, tolerances, without, low, high, teeth, factorials):
+def best_comb(frequencies, tolerances, without, low, high, teeth, beside, factorials):
     """Log odds against chance, over all that were tried, of the best comb of all lines but one (``without``).
 
-    Where the teeth are not known the rotation may be heard between them. Other parameters as in `best_sidebands`.
+    Where the teeth are not known the rotation may be heard between them. A comb that is none of a machine with the
+    spacing of the sidebands ``beside`` has to tell, as they do, why it has lines at some of its places and not at
+    others. Other parameters as in `best_sidebands`.
     """
     evidence = 0.0
     tried = 0
@@ -92,8 +107,11 @@ def best_comb(frequencies, tolerances, without, low, high, teeth, factorials):
             hits, spacing = _fitted_comb(frequencies, tolerances, without, frequencies[i] / multiple)
             if hits < FEWEST - 1:  # one line makes a comb
                 continue
+            of_machine = _turns_with(spacing, beside.spacing)
             for parts in range(1, most + 1):
                 gain = _gain_of_comb(frequencies, tolerances, without, spacing, teeth, parts, factorials)
+                if not of_machine and gain + beside.scattered > evidence:
+                    gain += beside.scattered - _scattered_comb(frequencies, tolerances, without, spacing, parts)
                 evidence = max(evidence, gain)
     return evidence - math.log(tried) if tried > 0 else 0.0
 
@@ -107,6 +125,13 @@ def comb_of(frequencies, tolerances, without, spacing, teeth, factorials):
         _, rotation = _fitted_comb(frequencies, tolerances, without, spacing / parts)
         evidence = max(evidence, _gain_of_comb(frequencies, tolerances, without, rotation, told, parts, factorials))
     return evidence
+
+
+@njit(**OPTIONS)
+def _turns_with(spacing, teeth_apart):
+    """Whether a comb of this spacing is that of a rotation whose teeth are so far apart, or of these alone."""
+    teeth = np.rint(teeth_apart / spacing)
+    return 1.0 <= teeth <= MOST_TEETH and abs(teeth_apart / spacing - teeth) < SAME
 
 
 @njit(**OPTIONS)
@@ -141,6 +166,81 @@ def _gain_of_comb(frequencies, tolerances, without, spacing, teeth, parts, facto
             hits += 1
             whole += at_teeth
     return total - rarest - _choices(n - 1, hits - 1, factorials) - _choices(hits, whole, factorials)
+
+
+@njit(**OPTIONS)
+def _scattered_comb(frequencies, tolerances, without, spacing, parts):
+    """Logarithm of the ways to choose the multiples that have a line among all where there are some.
+
+    There are lines in three ranges, where modes are: what is between these, in the widest two gaps, does not count.
+    """
+    hits = whole = 0
+    highest = widest = second = 0.0
+    lowest = order = _next_multiple(frequencies, tolerances, without, spacing, 0.0)
+    while order < math.inf:
+        hits += 1
+        whole += order % parts == 0.0
+        highest = order
+        order = _next_multiple(frequencies, tolerances, without, spacing, order)
+        if order < math.inf:
+            gap = order - highest - 1.0
+            widest, second = max(widest, gap), max(second, min(widest, gap))
+    return _ways(highest - lowest + 1.0 - widest - second, hits, parts, whole) if hits > 0 else 0.0
+
+
+@njit(**OPTIONS)
+def _next_multiple(frequencies, tolerances, without, spacing, order):
+    """The lowest multiple beyond one that has a line; infinity if there is none."""
+    lowest = math.inf
+    for i in range(frequencies.shape[0]):
+        multiple = np.rint(frequencies[i] / spacing)
+        if i != without and multiple > order and abs(frequencies[i] - multiple * spacing) <= tolerances[i]:
+            lowest = min(lowest, multiple)
+    return lowest
+
+
+@njit(**OPTIONS)
+def scattered_sidebands(frequencies, tolerances, carrier, spacing, teeth):
+    """The same of the sidebands of a vibration, its overtone's, and the forced lines, each where they are.
+
+    The spacing is that of a rotation with so many teeth, or with any number of them if that is 1.
+    """
+    total = 0.0
+    for overtone in range(OVERTONES + 1):
+        fewest = math.inf
+        for parts in range(1, max(MOST_TEETH, teeth) + 1):
+            if teeth == 1 or parts == 1 or parts == teeth:
+                fewest = min(fewest, _scattered_around(frequencies, tolerances, carrier, spacing, overtone, parts))
+        total += fewest
+    return total
+
+
+@njit(**OPTIONS)
+def _scattered_around(frequencies, tolerances, carrier, spacing, overtone, parts):
+    """The same of those around one multiple of the vibration's frequency."""
+    hits = whole = 0
+    lowest, highest = math.inf, -math.inf
+    for i in range(frequencies.shape[0]):
+        around, multiple = _place(frequencies[i], tolerances[i], carrier, spacing, 1.0 / spacing)
+        if around == overtone:
+            hits += 1
+            whole += multiple % parts == 0.0
+            lowest, highest = min(lowest, multiple), max(highest, multiple)
+    return _ways(highest - lowest + 1.0, hits, parts, whole) if hits > 0 else 0.0
+
+
+@njit(**OPTIONS)
+def _ways(places, hits, parts, whole):
+    """Logarithm of the ways to choose among places, those of teeth (every so many, ``parts``) and others apart."""
+    of_teeth = max(places / parts, 1.0 * whole)
+    others = max(places - of_teeth, 1.0 * (hits - whole))
+    return _log_choices(of_teeth, whole) + _log_choices(others, hits - whole)
+
+
+@njit(**OPTIONS)
+def _log_choices(n, k):
+    """The same as `_choices` of any number, whole or not."""
+    return math.lgamma(n + 1.0) - math.lgamma(k + 1.0) - math.lgamma(n - k + 1.0)
 
 
 @njit(**OPTIONS)

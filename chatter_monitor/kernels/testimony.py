@@ -42,8 +42,9 @@ OFF_ORDERS = -math.log(FORCED_OFF_ORDERS)
 NOT_THIS = 0.2
 # What came with the tool tells of chatter where it takes most of the power: each mode that noise drives comes with it.
 MOST = 0.5
-# A line is the one with sidebands when it is so near: a bin of the short-time spectrum.
-CARRIER_HZ = 12.0
+# A line is the one with sidebands when it is so near: a bin of the short-time spectrum. Those that are nearer to each
+# other than its windows can tell are one line there, anywhere between.
+CARRIER_HZ, APART_HZ = 12.0, 40.0
 # A line is as loud as in the cut before when it has up to so many times its power.
 AS_LOUD = 2.0
 # Multiples that count as overtones, and how near to one a line has to be.
@@ -51,7 +52,7 @@ OVERTONES, OVERTONE_HZ = 5, 8.0
 
 
 @njit(**OPTIONS)
-def witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, odds, lines):
+def witness(heard, taken, found, spindle, carrier_hz, spacing_hz, growth, power, usual, odds, lines):
     """Tell of each line what the following of vibrations takes.
 
     Parameters
@@ -67,6 +68,8 @@ def witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, odds
         Whether a spindle of known speed is heard.
     carrier_hz : float
         Frequency of a line with sidebands, NaN without one: it is on no order, whatever the speed is.
+    spacing_hz : float
+        Theirs.
     growth : float
         By how much what repeats has grown from rotation to rotation (natural logarithm): many lines, too near to each
         other to be told. It counts as the strongest.
@@ -79,6 +82,7 @@ def witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, odds
         The result.
     """
     strongest = 0
+    reach_hz = max(CARRIER_HZ, spacing_hz) if spacing_hz < APART_HZ else CARRIER_HZ
     quieter = power / usual if power < usual else 1.0
     for i in range(heard.shape[0]):
         strongest = i if heard[i, SHARE] > heard[strongest, SHARE] else strongest
@@ -90,7 +94,7 @@ def witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, odds
         _copy(seen, line)
         line.power = power
         line.arrival = 0.0
-        line.carrier = abs(seen[HERTZ] - carrier_hz) < CARRIER_HZ and seen[ABSOLUTE_RISE] > DIED_DOWN
+        line.carrier = abs(seen[HERTZ] - carrier_hz) < reach_hz and seen[ABSOLUTE_RISE] > DIED_DOWN
         line.order_odds = OFF_ORDERS if line.carrier else _order_odds(seen, found, spindle, odds)
         own = _own_share(seen, taken, power)
         line.dominance = own * quieter

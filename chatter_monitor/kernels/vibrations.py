@@ -323,6 +323,8 @@ def _heard(vibration, line, rules, weights):
     vibration.missed = 0
     vibration.frequency_hz = line.frequency_hz
     _glide(vibration, rules.unheard)
+    if line.carrier:  # no spindle takes that along
+        vibration.gliding = vibration.glided = 0
     vibration.order_odds += AVERAGING * (line.order_odds - vibration.order_odds)
     # Where the speed wanders, a forced line is off the orders for a moment; one with sidebands is so for certain.
     if vibration.order_odds < SURELY_OFF and not line.carrier:

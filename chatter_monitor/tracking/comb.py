@@ -65,6 +65,10 @@ class Lines:
     frequency_hz: NDArray[np.float64]
     tolerance_hz: NDArray[np.float64]
 
+    def at(self, number: int | np.intp) -> tuple[float, float]:
+        """Frequency and tolerance of one of them."""
+        return float(self.frequency_hz[number]), float(self.tolerance_hz[number])
+
     def on(self, fundamental_hz: float) -> NDArray[np.bool_]:
         """Which lines are on multiples of a frequency."""
         return self.beside(0.0, fundamental_hz) & (np.round(self.frequency_hz / fundamental_hz) >= 1)

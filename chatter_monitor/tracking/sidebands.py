@@ -22,8 +22,8 @@ ENOUGH_LINES = 5
 CARRIERS = 4
 # Distances of lines from it are up to so many times the spacing; whatever times it, where that is told.
 PARTS, ANY_PART = 3, 1 << 30
-# Log odds against chance: in a shift sidebands are looked for 20 000 times.
-ENOUGH = math.log(1e6)
+# Log odds against chance; what has turned out to be none was refused for a comb, not for want of these.
+ENOUGH = math.log(1e4)
 # Log odds by which they have to be ahead of a comb.
 AHEAD = 5.0
 # And those by which a comb has to be ahead of sidebands.
@@ -91,12 +91,19 @@ def find_sidebands(lines: Lines, slowest_hz: float, told: Target | None = None) 
     if found.evidence < ENOUGH:
         return None
     carrier = _carrier(lines, found)
-    carrier_hz = float(lines.frequency_hz[carrier])
-    if not kernel.is_clear(carrier_hz, found.spacing_hz, lines.tolerance_hz[carrier]):
+    carrier_hz, tolerance_hz = lines.at(carrier)
+    if not kernel.is_clear(carrier_hz, found.spacing_hz, tolerance_hz):
         return None
     if any(comb > found.evidence - AHEAD for comb in _combs(lines, carrier, found, ranges)):
         return None
-    return Sidebands(carrier_hz, lines.tolerance_hz[carrier].item(), found.spacing_hz, found.evidence)
+    spacing_hz = found.spacing_hz
+    if told is None or not told.may_be(spacing_hz):
+        # each of two frequencies has the other between its lines: the stronger is the vibration's
+        as_spaced = np.abs(lines.frequency_hz[:carrier] - spacing_hz) <= lines.tolerance_hz[:carrier]
+        for stronger in np.flatnonzero(as_spaced)[:1]:
+            spacing_hz = carrier_hz
+            carrier_hz, tolerance_hz = lines.at(stronger)
+    return Sidebands(carrier_hz, tolerance_hz, spacing_hz, found.evidence)
 
 
 def may_be_sidebands(lines: Lines, fundamental_hz: float, slowest_hz: float) -> bool:
@@ -110,7 +117,8 @@ def may_be_sidebands(lines: Lines, fundamental_hz: float, slowest_hz: float) -> 
     if not found.evidence > 0.0 or not lines.on(fundamental_hz)[_carrier(lines, found)]:
         return False
     frequency, tolerance = lines.frequency_hz, lines.tolerance_hz
-    comb = kernel.best_comb(frequency, tolerance, NO_LINE, slowest_hz, frequency.max(), 1, LOG_FACTORIAL)
+    highest_hz, beside = frequency.max(), _beside(lines, found)
+    comb = kernel.best_comb(frequency, tolerance, NO_LINE, slowest_hz, highest_hz, 1, beside, LOG_FACTORIAL)
     return bool(found.evidence > comb - AHEAD_OF_SIDEBANDS)
 
 
@@ -129,15 +137,22 @@ def _best_sidebands(lines: Lines, among: _Range) -> _Found:
     return _Found(carrier_hz, spacing_hz, evidence, tried, among.teeth)
 
 
+def _beside(lines: Lines, found: _Found) -> kernel.Beside:
+    """What combs are held against."""
+    scattered = kernel.scattered_sidebands(
+        lines.frequency_hz, lines.tolerance_hz, found.carrier_hz, found.spacing_hz, found.teeth
+    )
+    return kernel.Beside(found.spacing_hz, scattered)
+
+
 def _combs(lines: Lines, carrier: int, found: _Found, ranges: list[_Range]) -> Iterator[float]:
     """Log odds of combs, of all lines and of all but one: of the sidebands' spacing with as many tried, then of any."""
     frequency, tolerance = lines.frequency_hz, lines.tolerance_hz
     for without in (NO_LINE, carrier):
         alike = kernel.comb_of(frequency, tolerance, without, found.spacing_hz, found.teeth, LOG_FACTORIAL)
         yield alike - found.tried
-    highest_hz = frequency.max()
+    highest_hz, beside = frequency.max(), _beside(lines, found)
     for without in (NO_LINE, carrier):
         for low_hz, high_hz, teeth, _ in ranges:
-            yield kernel.best_comb(
-                frequency, tolerance, without, low_hz, min(high_hz, highest_hz), teeth, LOG_FACTORIAL
-            )
+            high_hz = min(high_hz, highest_hz)
+            yield kernel.best_comb(frequency, tolerance, without, low_hz, high_hz, teeth, beside, LOG_FACTORIAL)

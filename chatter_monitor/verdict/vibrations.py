@@ -169,7 +169,7 @@ class Following:
         self._known = 0  # of the vibrations, the most suspicious first; behind them there is room for more
         self._vibrations, self._work = np.empty((2, ROOM), VIBRATION)
         self._lines, self._taken = np.empty(ROOM, LINE), np.empty(ROOM, np.bool_)
-        testimony = (np.empty((0, FIELDS)), NOTHING_TAKEN, False, False, math.nan, 0.0, 0.0, 0.0)
+        testimony = (np.empty((0, FIELDS)), NOTHING_TAKEN, False, False, math.nan, math.nan, 0.0, 0.0, 0.0)
         self._another_interval = bound(
             kernel.another_interval,
             *(self._vibrations, 0, testimony, Rules(0.5, 0.5), _WEIGHTS, self._lines, self._taken, self._work),
@@ -235,15 +235,16 @@ def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
 
 def _testimony(
     evidence: Evidence, taken: NDArray[np.float64], usual: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], bool, bool, float, float, float, float]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], bool, bool, float, float, float, float, float]:
     """What `kernels.testimony` takes of an interval."""
     orders = evidence.orders
+    beside = orders.sidebands
     return (
         evidence.vibrations.table,
         taken,
         orders.source == "found",
         orders.spindle_heard,
-        math.nan if orders.sidebands is None else orders.sidebands.carrier_hz,
+        *((math.nan, math.nan) if beside is None else (beside.carrier_hz, beside.spacing_hz)),
         orders.growth,
         evidence.power,
         usual,

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import gammaln
+from scipy.special import binom, gammaln
 
 from chatter_monitor.kernels import sidebands as kernel
 from tests import naive
@@ -90,7 +90,39 @@ def test_a_comb_of_teeth_with_its_rotation_is_that_of_the_twin(teeth):
     expected = max(twin_of_a_comb(hertz, off, 31.0 * teeth, t) for t in range(1, kernel.MOST_TEETH + 1))
     assert kernel.comb_of(hertz, off, -1, 31.0 * teeth, 1, FACTORIALS) == pytest.approx(expected)
     tried = math.log(6 * sum(math.floor(f / 5.0) for f in hertz))
-    best = kernel.best_comb(hertz, off, -1, 5.0, hertz.max(), 1, FACTORIALS)
+    beside = kernel.Beside(31.0 * teeth, 0.0)
+    best = kernel.best_comb(hertz, off, -1, 5.0, hertz.max(), 1, beside, FACTORIALS)
     assert expected - tried <= best < expected
-    least = kernel.best_comb(hertz, off, 2, 5.0, hertz.max(), 1, FACTORIALS)
+    least = kernel.best_comb(hertz, off, 2, 5.0, hertz.max(), 1, beside, FACTORIALS)
     assert least < best - 2.0  # without one of its lines
+
+
+def ways(multiples, parts, places):
+    """Logarithm of the ways to choose multiples among so many places, of which one in so many parts is a tooth's."""
+    whole = sum(m % parts == 0 for m in multiples)
+    of_teeth = max(places / parts, whole)
+    others = max(places - of_teeth, len(multiples) - whole)
+    return math.log(binom(of_teeth, whole) * binom(others, len(multiples) - whole))
+
+
+@pytest.mark.parametrize("machine", [True, False])
+def test_a_comb_tells_why_it_has_these_lines_unless_it_is_a_machines(machine):
+    """Of three ranges with lines at some of the multiples; beside the spacing of four teeth nobody asks."""
+    orders = [20, 22, 23, 60, 61, 64, 101, 103]
+    hertz = 31.0 * np.array([*orders, 20.0, 7.5])  # a multiple twice, and another line
+    off = np.full(len(hertz), 0.3)
+    anyway = kernel.best_comb(hertz, off, -1, 30.9, 31.1, 4, kernel.Beside(31.0, 0.0), FACTORIALS)
+    beside = kernel.Beside(31.0 * (4.0 if machine else 7.0), 2.0)
+    told = kernel.best_comb(hertz, off, -1, 30.9, 31.1, 4, beside, FACTORIALS)
+    assert anyway - told == pytest.approx(0.0 if machine else ways(orders, 1, 4 + 5 + 3) - 2.0)
+
+
+@pytest.mark.parametrize("teeth", [1, 3, 8])
+def test_how_scattered_sidebands_are(teeth):
+    """Those around the vibration, those around its overtone, and the forced lines, each as so many teeth tell best."""
+    around = {0.0: [3, 6, 9, 12, 13], 1003.0: [-6, -3, 0, 2, 3], 2006.0: [-4, 0]}
+    hertz = np.concatenate([middle + 30.0 * np.array(multiples) for middle, multiples in around.items()])
+    got = kernel.scattered_sidebands(hertz, np.full(len(hertz), 0.3), 1003.0, 30.0, teeth)
+    among = range(1, kernel.MOST_TEETH + 1) if teeth == 1 else (1, teeth)
+    expected = sum(min(ways(m, parts, max(m) - min(m) + 1) for parts in among) for m in around.values())
+    assert got == pytest.approx(expected)

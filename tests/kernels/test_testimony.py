@@ -17,9 +17,20 @@ ODDS = Odds(unknown_speed=-0.6, off_found=0.5)
 NOTHING = np.empty((0, 3))
 
 
-def said_of(heard, *, taken=NOTHING, found=False, spindle=False, carrier_hz=math.nan, growth=0.0, power=2.0, usual=0.0):
+def said_of(
+    heard,
+    *,
+    taken=NOTHING,
+    found=False,
+    spindle=False,
+    carrier_hz=math.nan,
+    spacing_hz=100.0,
+    growth=0.0,
+    power=2.0,
+    usual=0.0,
+):
     lines = np.empty(len(heard), LINE)
-    witness(heard, taken, found, spindle, carrier_hz, growth, power, usual, ODDS, lines)
+    witness(heard, taken, found, spindle, carrier_hz, spacing_hz, growth, power, usual, ODDS, lines)
     return lines
 
 
@@ -136,12 +147,21 @@ def test_growth_is_the_strongest_lines():
     assert said["dominance"].tolist() == pytest.approx([0.2, 1.0 - math.exp(-2.0)])
 
 
-@pytest.mark.parametrize(("hertz", "fell", "carrier"), [(505.0, 0.0, True), (520.0, 0.0, False), (505.0, -1.0, False)])
-def test_what_has_sidebands_is_on_no_order(hertz, fell, carrier):
+@pytest.mark.parametrize(
+    ("hertz", "spacing_hz", "fell", "carrier"),
+    [
+        (505.0, 100.0, 0.0, True),
+        (520.0, 100.0, 0.0, False),
+        (520.0, 30.0, 0.0, True),  # so near to each other they are one line, anywhere between
+        (535.0, 30.0, 0.0, False),
+        (505.0, 100.0, -1.0, False),
+    ],
+)
+def test_what_has_sidebands_is_on_no_order(hertz, spacing_hz, fell, carrier):
     """The line at their middle, whatever speed is told or none, and what is new in it counts; not once it is over."""
     heard = line(hertz, 0.3, 1.0, 0.2, 1.0)
     heard[ABSOLUTE_RISE] = fell
-    (said,) = said_of(heard[np.newaxis], carrier_hz=500.0)
+    (said,) = said_of(heard[np.newaxis], carrier_hz=500.0, spacing_hz=spacing_hz)
     assert said["carrier"] == carrier
     assert (said["order_odds"], said["arrival"]) == (
         (pytest.approx(-math.log(0.05)), 2.5) if carrier else (pytest.approx(-math.log(0.2 + 0.8 * (7.5 + 1.0))), 0.0)

@@ -153,6 +153,17 @@ def test_a_glide_is_remembered_until_the_spindle_is_heard_again(unheard, glided)
     assert vibration["glided"] == glided
 
 
+@pytest.mark.parametrize(("carrier", "alarm"), [(False, False), (True, True)])
+def test_what_has_sidebands_glides_with_no_spindle(carrier, alarm):
+    """A bar that gives way takes its chatter along; where sidebands tell that no spindle does, it is an alarm."""
+    known = np.zeros(0, VIBRATION)
+    for i in range(40):
+        lines = lines_of(interval(1000.0 * np.exp(-0.003 * i)), Odds())
+        lines["carrier"] = carrier
+        known = followed(known, lines)
+    assert (known["glided"][0] == 0, known["alarm_for"][0] > 0) == (carrier, alarm)
+
+
 @pytest.mark.parametrize(("glided", "chattered", "saturated"), [(2, True, 1.0), (1, False, 0.0)])
 def test_what_has_risen_while_it_glided_is_explained(glided, chattered, saturated):
     """When a glide has been long ago, what it explained is no alarm: a calm line has to rise anew."""
