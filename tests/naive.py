@@ -205,6 +205,7 @@ class NaiveVibration:
     over: int = 0
     unexplained: float = 0.0
     heard: int = 0
+    late: bool = False
     jitter: float = 0.0
     place: float = 0.0
     glide: float = 0.0
@@ -245,7 +246,9 @@ class NaiveVibration:
             rise = min(line["long_rise"], line["absolute_rise"])
             self.rise = (1.0 - a) * self.rise + a * rise
             self.heights = [0.0] if rise < 0.3 else [*self.heights, max(rise, self.heights[-1])]
-            arrival = line["arrival"] if line["carrier"] or self.odds >= vibrations.SURELY_OFF else 0.0
+            self.late |= self.heard == vibrations.ARRIVED and self.kinds[0] > 0.5
+            unforced = line["carrier"] or (self.odds >= vibrations.SURELY_OFF and not self.late)
+            arrival = line["arrival"] if unforced else 0.0
             seen = self.likeness(line, weights, arrival)
             news = self.news(line) if seen[0] > 0.0 else -self.told
             self.told += news

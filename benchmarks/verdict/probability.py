@@ -1,7 +1,9 @@
-"""Constants of `verdict.probability`, from cuts of the development split: ``python -m benchmarks.verdict.probability``.
+"""Constants of confidence, from cuts of the development split: ``python -m benchmarks.verdict.probability``.
 
 For each of the grounds the share of chatter is a logistic function of how sure the vibrations are, of how loud the cut
-is, and of how far its strongest line has risen. All cuts are heard twice, with the spindle's speed known and without.
+is, and of how far its strongest line has risen (`verdict.probability`). Where it does not chatter, a warning is wrong
+if it is forced: that share is proportional to how likely it seems to be (`verdict.opinion`). All cuts are heard twice,
+with the spindle's speed known and without.
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from pathlib import Path
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,14 +24,22 @@ from benchmarks.verdict.cut import INTERVAL_SAMPLES, RATE_HZ, Cut, Label
 from benchmarks.verdict.labels import UNSTABLE_DAMPING
 from benchmarks.verdict.train import evidence_of
 from chatter_monitor.verdict.judge import Judge
+from chatter_monitor.verdict.opinion import forced_by
 from chatter_monitor.verdict.probability import Fit, Grounds
 from chatter_monitor.verdict.settings import JudgeSettings
 
-Example = tuple[tuple[float, float, float], bool]
+
+class Example(NamedTuple):
+    """One interval: its measures, whether it chatters, how likely it seems to be forced, and whether it is."""
+
+    measures: tuple[float, float, float]
+    chatters: bool
+    seems_forced: float
+    forced: bool
 
 
 def examples(cut: Cut, *, speed_known: bool) -> Iterator[tuple[Grounds, Example]]:
-    """Grounds, measures, and whether it chatters, of the intervals of cutting whose truth is known.
+    """Intervals of cutting whose truth is known, each with the grounds of its verdict.
 
     That it chatters is true from the crossing on, if only later it has to be recognised.
     """
@@ -40,7 +50,8 @@ def examples(cut: Cut, *, speed_known: bool) -> Iterator[tuple[Grounds, Example]
         judge.verdict(seen, i * INTERVAL_SAMPLES, INTERVAL_SAMPLES, RATE_HZ)
         signs = judge.memory.signs
         if signs is not None and is_known[i]:
-            yield signs.grounds, (signs.measures, bool(chatters[i]))
+            seems_forced, forced = forced_by(judge.memory.forced_share), truth.label[i] == Label.FORCED
+            yield signs.grounds, Example(signs.measures, bool(chatters[i]), seems_forced, bool(forced))
 
 
 def fit(x: NDArray[np.float64], chatters: NDArray[np.bool_]) -> Fit:
@@ -53,6 +64,12 @@ def fit(x: NDArray[np.float64], chatters: NDArray[np.bool_]) -> Fit:
         return float(value), columns.T @ (1.0 / (1.0 + np.exp(-odds)) - chatters) / len(x)
 
     return Fit(*minimize(loss, np.zeros(columns.shape[1]), jac=True, method="BFGS").x)
+
+
+def wrong_where_forced(warned: list[Example]) -> float:
+    """Share of warnings without chatter that are wrong, over how likely it seems that they are, by least squares."""
+    seems, forced = np.array([(each.seems_forced, each.forced) for each in warned if not each.chatters], float).T
+    return float(seems @ forced / (seems @ seems))
 
 
 def main() -> None:
@@ -69,9 +86,11 @@ def main() -> None:
             for grounds, example in examples(cut, speed_known=speed_known):
                 found[grounds].append(example)
     for grounds, seen in found.items():
-        x, chatters = (np.array(part) for part in zip(*seen, strict=True))
+        x, chatters = (np.array(part) for part in zip(*((each.measures, each.chatters) for each in seen), strict=True))
         weights = ", ".join(f"{weight:.3f}" for weight in fit(x, chatters))
         console.print(f"{grounds.upper()} = Fit({weights})  # {len(x)} intervals, {np.mean(chatters):.1%} chatter")
+    wrong = wrong_where_forced(found["warning"] + found["surge"])
+    console.print(f"WRONG_WHERE_FORCED = {wrong:.2f}")
 
 
 if __name__ == "__main__":

@@ -37,6 +37,8 @@ JUST_NOW = 40
 # What grows by itself is coherent; noise that comes and goes is not, nor is a mode that it drives: beyond this damping
 # ratio, or below this coherence, nothing is taken for growth.
 COHERENT_DAMPING, LEAST_COHERENCE = 0.004, 0.4
+# What chatters as the tool comes is calm from then on: what is noise so many intervals later did not come like that.
+ARRIVED = 20
 # A vibration is over when its amplitude has fallen below half of what it was for seconds (natural logarithm), in itself
 # or, if it is fainter at all, beyond its surroundings: that of a saturated one does not, whatever its damping reads.
 DIED_DOWN = -0.7
@@ -99,6 +101,7 @@ VIBRATION = np.dtype(
         ("missed", np.int64),  # intervals since its line was heard
         ("over", np.int64),  # intervals since an alarm about it
         ("heard", np.int64),  # intervals in which it was
+        ("late", np.bool_),  # whether it was noise yet when it had been heard in `ARRIVED` of them
         ("place", float),  # logarithm of its frequency, filtered
         ("glide", float),  # by how much that changes in an interval
         ("jitter", float),  # mean square by which the filter misses
@@ -276,6 +279,7 @@ def _begin(vibration, line):
     vibration.alarm_for = 0
     vibration.chattered = False
     vibration.heard = vibration.over = 0
+    vibration.late = False
     vibration.place = math.log(line.frequency_hz)
     vibration.glide = vibration.jitter = vibration.carried = 0.0
     vibration.gliding = vibration.glided = 0
@@ -326,8 +330,10 @@ def _heard(vibration, line, rules, weights):
     if line.carrier:  # no spindle takes that along
         vibration.gliding = vibration.glided = 0
     vibration.order_odds += AVERAGING * (line.order_odds - vibration.order_odds)
+    if vibration.heard == ARRIVED:
+        vibration.late = vibration.noise > 0.5
     # Where the speed wanders, a forced line is off the orders for a moment; one with sidebands is so for certain.
-    if vibration.order_odds < SURELY_OFF and not line.carrier:
+    if (vibration.late or vibration.order_odds < SURELY_OFF) and not line.carrier:
         line.arrival = 0.0
     rise = min(line.long_rise, line.absolute_rise)
     vibration.rise += AVERAGING * (rise - vibration.rise)

@@ -22,8 +22,8 @@ MOST = 0.5
 # e-fold.
 FORCED_WITH_NONE = 0.01
 HALF_WAY, SHARE_DOUBT = 0.645, 0.11
-# Where most of the power is forced for certain, and there is no chatter, so many of the warnings are wrong (development
-# cuts): the truth is that it is forced.
+# Where most of the power is forced for certain, and there is no chatter, so many of the warnings are wrong: it is
+# forced in truth (``python -m benchmarks.verdict.probability``).
 WRONG_WHERE_FORCED = 0.65
 # Of what is forced so much is heard as steady: the rest is unsteady, or in lines too weak to stand out.
 HEARD_AS_STEADY = 0.67
@@ -128,7 +128,7 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     alarm = told.alarm
     if alarm is not None:
         return Opinion("self_excited", 1.0, reasons.chatter(alarm, evidence.orders), alarm.heard)
-    forced = _forced_by(memory.forced_share)
+    forced = forced_by(memory.forced_share)
     suspect = told.suspect if told.overview.heard_suspicion >= settings.warning_probability else None
     riser = told.riser
     surging = _surging(evidence, memory)
@@ -160,7 +160,7 @@ def _warning(forced: float, why: str, vibration: Vibration | None = None) -> Opi
 
 def entering(memory: Memory, settings: JudgeSettings) -> Opinion:
     """What a cut is that begins: of its lines nothing is known yet, but whether it repeats is heard."""
-    forced = _forced_by(memory.forced_share)
+    forced = forced_by(memory.forced_share)
     if _is_mostly_forced(memory, settings):
         return Opinion("forced", forced, ("the tool enters the cut", reasons.repeating(memory.repeating)))
     return Opinion("stable", 1.0 - forced, ("the tool enters the cut",))
@@ -176,7 +176,7 @@ def stands_for(steady: float) -> float:
     return min(steady / HEARD_AS_STEADY, 1.0)
 
 
-def _forced_by(share: float) -> float:
+def forced_by(share: float) -> float:
     """Probability that more than half of the power is forced, by the share that is heard as such."""
     return FORCED_WITH_NONE + (1.0 - FORCED_WITH_NONE) / (1.0 + math.exp((HALF_WAY - share) / SHARE_DOUBT))
 

@@ -385,6 +385,21 @@ def test_what_is_off_the_orders_for_a_moment_has_not_come_with_the_tool(off, arr
     assert bool(known["saturated"][0] > 0.5) is arrives
 
 
+@pytest.mark.parametrize(("noise", "carrier", "arrives"), [(10, False, True), (30, False, False), (30, True, True)])
+def test_what_was_noise_for_a_second_has_not_come_with_the_tool(noise, carrier, arrives):
+    """A mode that noise drives is calm by chance for a while; what has sidebands is no such mode."""
+    known = np.zeros(0, VIBRATION)
+    for i in range(noise + 30):
+        lines = lines_of(interval(475.0, rising=False), Odds())
+        lines["dominance"], lines["order_odds"], lines["arrival"] = 1.0, 2.9, 2.0
+        if i < noise:
+            lines["variation"], lines["coherence"] = 0.5, 0.5
+        else:
+            lines["carrier"] = carrier
+        known = followed(known, lines)
+    assert bool(known["saturated"][0] > 0.5) is arrives
+
+
 def jumped(rises, **about):
     """Of what has risen by so much in each interval: what is followed after the last one."""
     following = Following()
