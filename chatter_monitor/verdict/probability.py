@@ -24,7 +24,7 @@ class Fit(NamedTuple):
     offset: float
 
 
-# Made by ``python -m benchmarks.verdict.probability``.
+# Made by ``python -m benchmarks.verdict.probability``, with the code of decision 111.
 ALARM = Fit(0.849, 1.617, -0.139, 0.822)
 SURGE = Fit(0.431, 0.424, 1.188, 0.223)
 WARNING = Fit(0.380, 1.227, 0.134, 0.307)
