@@ -231,10 +231,10 @@ class NaiveVibration:
         self.missed += 1
         if line is not None:
             self.missed, self.hertz = 0, line["frequency_hz"]
+            if line["carrier"]:
+                self.glides = []
             had_glided = self.glided
             self.follow_frequency()
-            if line["carrier"]:
-                self.glides, had_glided = [], False
             if had_glided and not self.glided:
                 self.kinds, self.chattered = np.array(vibrations.CALMED), False
             self.odds += vibrations.AVERAGING * (line["order_odds"] - self.odds)

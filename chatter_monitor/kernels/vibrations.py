@@ -326,9 +326,9 @@ def _heard(vibration, line, rules, weights):
     """An interval in which this line of a vibration was heard."""
     vibration.missed = 0
     vibration.frequency_hz = line.frequency_hz
-    _glide(vibration, rules.unheard)
     if line.carrier:  # no spindle takes that along
         vibration.gliding = vibration.glided = 0
+    _glide(vibration, rules.unheard)
     vibration.order_odds += AVERAGING * (line.order_odds - vibration.order_odds)
     if vibration.heard == ARRIVED:
         vibration.late = vibration.noise > 0.5

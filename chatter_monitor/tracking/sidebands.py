@@ -99,10 +99,11 @@ def find_sidebands(lines: Lines, slowest_hz: float, told: Target | None = None) 
     spacing_hz = found.spacing_hz
     if told is None or not told.may_be(spacing_hz):
         # each of two frequencies has the other between its lines: the stronger is the vibration's
-        as_spaced = np.abs(lines.frequency_hz[:carrier] - spacing_hz) <= lines.tolerance_hz[:carrier]
-        for stronger in np.flatnonzero(as_spaced)[:1]:
+        away_hz = np.abs(lines.frequency_hz[:carrier] - spacing_hz)
+        stronger = np.flatnonzero(away_hz <= lines.tolerance_hz[:carrier])
+        if len(stronger):
             spacing_hz = carrier_hz
-            carrier_hz, tolerance_hz = lines.at(stronger)
+            carrier_hz, tolerance_hz = lines.at(stronger[0])
     return Sidebands(carrier_hz, tolerance_hz, spacing_hz, found.evidence)
 
 
