@@ -35,6 +35,7 @@ def verdict(number: int, state: State = "stable") -> Verdict:
         frequency_hz=None if state in ("idle", "unknown") else 900.0,
         damping_ratio=None if state in ("idle", "unknown") else 0.02,
         confidence=0.9,
+        chatter_probability=None if state == "unknown" else 0.02,
         reasons=["so it is | really"],
     )
 

@@ -40,7 +40,7 @@ class ShdrAdapter:
     """Holds the newest values, tells an agent that connects all of them, and from then on what changes.
 
     Of channel c: the condition ``chatter_c``, the event ``state_c``, the samples ``frequency_c`` in hertz and
-    ``damping_c`` and ``confidence_c`` in percent. Of the monitor: the event ``avail``, the condition ``hearing``.
+    ``damping_c``, ``confidence_c`` and ``probability_c``, that it chatters, in percent. Of the monitor: the event ``avail``, the condition ``hearing``.
     One thread owns it.
 
     Parameters
@@ -177,6 +177,7 @@ def _of_verdict(verdict: Verdict) -> dict[str, str]:
         "frequency": _number(verdict.frequency_hz, 1.0),
         "damping": _number(verdict.damping_ratio, 100.0),
         "confidence": _number(verdict.confidence, 100.0),
+        "probability": _number(verdict.chatter_probability, 100.0),
     }
     return {f"{name}_{verdict.channel}": value for name, value in values.items()}
 

@@ -115,6 +115,16 @@ def test_the_vibration_of_the_verdict_is_drawn(drawn):
     np.testing.assert_allclose(damping, expected)
 
 
+def test_how_likely_it_chatters_is_drawn(drawn):
+    """That of each verdict in percent, and nothing where it is not known: low before the onset, high after it."""
+    rrd, kept = drawn
+    times, likely = rrd.series("/channel_0/chatter")
+    told = [v.chatter_probability for v in kept.of(Verdict)]
+    np.testing.assert_allclose(likely[:, 0], [float("nan") if p is None else 100.0 * p for p in told])
+    assert np.nanmedian(likely[times < 4.0]) < 10.0
+    assert np.nanmedian(likely[(times > 8.0) & (times < 14.0)]) > 90.0
+
+
 def test_the_waveform_has_the_extremes_of_the_recording(drawn):
     """Largest and smallest of all pairs are those of the recording, to the bits of a float."""
     rrd, _ = drawn

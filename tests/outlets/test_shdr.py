@@ -75,13 +75,14 @@ def test_a_life_of_a_monitor(monitor, address):
         agent.say("NG\r\n* SOMETHING\n* PING\n")
         assert [agent.line(), agent.line()] == ["* PONG 10000", "* PONG 10000"]
         monitor.interval("stable")
-        assert agent.until("confidence_0|90") == [
+        assert agent.until("probability_0|2") == [
             "avail|AVAILABLE",
             "state_0|stable",
             "chatter_0|NORMAL|stable|||",
             "frequency_0|900",
             "damping_0|2",
             "confidence_0|90",
+            "probability_0|2",
         ]
         monitor.interval("approaching")
         assert agent.line() == "2026-01-01T00:00:00.050000Z|state_0|approaching"
@@ -89,18 +90,19 @@ def test_a_life_of_a_monitor(monitor, address):
         monitor.interval("self_excited")
         assert agent.until("really") == ["state_0|self_excited", "chatter_0|FAULT|self_excited|||so it is / really"]
         monitor.interval("unknown")
-        assert agent.until("damping_0|UNAVAILABLE") == [
+        assert agent.until("probability_0|UNAVAILABLE") == [
             "state_0|unknown",
             "chatter_0|UNAVAILABLE||||",
             "frequency_0|UNAVAILABLE",
             "damping_0|UNAVAILABLE",
+            "probability_0|UNAVAILABLE",
         ]
         for _ in range(16):
             monitor.interval("stable")
         assert "hearing|NORMAL|hearing|||" in agent.until("hearing|||")
         monitor.finish()
-        gone = agent.until("confidence_0|UNAVAILABLE")
-        assert {line.split("|")[1] for line in gone[-7:]} == {"UNAVAILABLE"}
+        gone = agent.until("probability_0|UNAVAILABLE")
+        assert {line.split("|")[1] for line in gone[-8:]} == {"UNAVAILABLE"}
         assert {"avail|UNAVAILABLE", "chatter_0|UNAVAILABLE||||"} <= set(gone)
 
 
@@ -108,17 +110,17 @@ def test_agents_come_and_go(monitor, bridge, address):
     """Several agents are told the same; one that connects later is told everything; none harms another by leaving."""
     monitor.interval("stable")
     with Agent(address) as first:
-        first.until("confidence_0|90")
+        first.until("probability_0|2")
         with Agent(address) as second, Agent(address) as third:
-            lines = second.until("confidence_0|90")
+            lines = second.until("probability_0|2")
             assert {line.split("|")[0] for line in lines} >= {"avail", "hearing", "state_0", "chatter_0", "damping_0"}
             third.say("x" * 5000)  # no line at all
-            third.until("confidence_0|90")
+            third.until("probability_0|2")
             assert third.line() == ""
         monitor.interval("self_excited")
         assert first.until("really")[-1].startswith("chatter_0|FAULT")
     with Agent(address) as fourth:
-        assert "chatter_0|FAULT|self_excited|||so it is / really" in fourth.until("confidence_0|90")
+        assert "chatter_0|FAULT|self_excited|||so it is / really" in fourth.until("probability_0|2")
     bridge.process.terminate()
     assert bridge.process.wait(PATIENCE_S) == 0
 

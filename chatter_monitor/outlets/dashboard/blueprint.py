@@ -13,6 +13,7 @@ from chatter_monitor.outlets.dashboard.stream import TIMELINE, Clock
 
 TRAIL_S = 2.0
 DAMPING_AXIS_PERCENT = (-2.0, 10.0)
+LIKELY_AXIS_PERCENT = (-2.0, 102.0)  # a line along the edge would not be seen
 
 
 def blueprint(channels: Sequence[str], clock: Clock, span_s: float) -> rrb.Blueprint:
@@ -95,6 +96,13 @@ def _channel(path: str, clock: Clock, span_s: float) -> Any:
             name="Damping ratio / %, with 95 % and the stability limit",
             axis_x=axis,
             axis_y=rrb.ScalarAxis(range=DAMPING_AXIS_PERCENT),
+            plot_legend=legend,
+        ),
+        rrb.TimeSeriesView(
+            origin=f"{path}/chatter",
+            name="How likely it chatters / %",
+            axis_x=axis,
+            axis_y=rrb.ScalarAxis(range=LIKELY_AXIS_PERCENT),
             plot_legend=legend,
         ),
         rrb.TimeSeriesView(

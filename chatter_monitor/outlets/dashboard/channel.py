@@ -78,6 +78,10 @@ class ChannelViews:
             ),
         )
         self._stream.static(
+            f"{self.path}/chatter",
+            rr.SeriesLines(colors=[VERMILLION], names=["that it chatters"], widths=[1.8]),
+        )
+        self._stream.static(
             f"{self.path}/waveform",
             rr.SeriesLines(
                 colors=[SKY_BLUE, SKY_BLUE], names=["smallest", "largest"], widths=[1.0], aggregation_policy="MinMax"
@@ -139,6 +143,8 @@ class ChannelViews:
             damping = 100.0 * np.array([low, verdict.damping_ratio, high])
         self._row("frequency/verdict", begin_s, frequency)
         self._row("damping/verdict", begin_s, damping)
+        likely = np.nan if verdict.chatter_probability is None else 100.0 * verdict.chatter_probability
+        self._row("chatter", begin_s, np.array([likely]))
         if verdict.state != self._state or self._count % SHOWN_EVERY == 0:
             text = rr.TextDocument(words.evidence(verdict), media_type=rr.MediaType.MARKDOWN)
             self._stream.at(begin_s, f"{self.path}/evidence", text)
