@@ -197,6 +197,7 @@ class NaiveVibration:
     dominance: float
     power: float
     told: float = 0.0
+    level: float = -np.inf  # of the last line
     heights: list[float] = field(default_factory=lambda: [0.0])  # of the running climb
     kinds: NDArray[np.float64] = field(default_factory=lambda: np.array(PRIOR))
     alarm_for: int = 0
@@ -251,6 +252,8 @@ class NaiveVibration:
             arrival = line["arrival"] if unforced else 0.0
             seen = self.likeness(line, weights, arrival)
             news = self.news(line) if seen[0] > 0.0 else -self.told
+            news = min(news, np.inf if line["absolute_rise"] >= self.level - 0.35 else 0.0)
+            self.level = line["absolute_rise"]
             self.told += news
         self.kinds = self.forward(seen, news, rules.chain, unforced=self.chattered or arrival > 0.8)
         risen = self.kinds[1] + self.kinds[2]

@@ -75,6 +75,8 @@ GLIDES = -6.0
 # What grows by itself takes its time. Below such a rise (natural logarithm) a vibration is as faint as ever; with so
 # much of it besides what has come at once it has climbed; log odds of that.
 AS_EVER, CLIMB, CLIMBS = 0.3, 1.0, 2.0
+# Nor does it fall by so much (half of its power) in an interval.
+FALLS = 0.35
 
 NO_LINE = -1
 
@@ -98,6 +100,7 @@ VIBRATION = np.dtype(
         ("step", float),  # by how much that has become larger with this interval
         ("leap", float),  # and with the two intervals, one after the other, that most of it came with
         ("told", float),  # log likelihood of its rise, as far as it has been counted
+        ("level", float),  # by how much it was louder than it had been, when it was heard last (natural logarithm)
         ("missed", np.int64),  # intervals since its line was heard
         ("over", np.int64),  # intervals since an alarm about it
         ("heard", np.int64),  # intervals in which it was
@@ -276,6 +279,7 @@ def _begin(vibration, line):
     vibration.power = line.power
     vibration.rise = vibration.told = 0.0
     vibration.height = vibration.step = vibration.leap = 0.0
+    vibration.level = line.absolute_rise
     vibration.alarm_for = 0
     vibration.chattered = False
     vibration.heard = vibration.over = 0
@@ -378,12 +382,17 @@ def _dominance(vibration, line):
 def _news(vibration, line, seen):
     """What its rise says that it has not said before: how loud it is by now counts once, and not when it falls again.
 
-    Whatever wakes many lines, a tool that enters or a load, leaves each a share of the power: so much of it counts.
+    The ring of a blow is coherent only as it dies away. Whatever wakes many lines, a tool that enters or a load, leaves
+    each a share of the power: so much of it counts.
     """
+    falls = line.absolute_rise < vibration.level - FALLS
+    vibration.level = line.absolute_rise
     if vibration.chattered:
         return 0.0
     tells = min(line.dominance, 1.0) * beyond_chance(line) if seen.growth > 0.0 else 0.0
     news = tells - vibration.told
+    if falls and news > 0.0:
+        return 0.0
     vibration.told = tells
     return news
 

@@ -428,6 +428,28 @@ def test_a_height_counts_once_and_is_taken_back():
 
 
 @pytest.mark.parametrize(
+    ("rises", "growing"),
+    [
+        ([2.9, 1.9, 0.9, 0.0], False),
+        ([2.9, 2.4], False),
+        ([1.9, 1.9], True),
+        ([2.9, 1.9, 1.9], True),  # and stays
+    ],
+)
+def test_a_ring_does_not_grow(rises, growing):
+    """A blow is no coherent line as it comes; the ring that it leaves is, and as loud, but dies away."""
+    lines = lines_of(interval(663.0), Odds())
+    known, grows = np.zeros(0, VIBRATION), False
+    for i, rise in enumerate([0.0] * 5 + rises):
+        for measure in ("rise", "long_rise", "absolute_rise", "own_rise"):
+            lines[measure] = rise
+        lines["coherence"], lines["variation"], lines["dominance"] = 0.2 if i < 6 else 0.7, 1.0, 1.0
+        known = followed(known, lines)
+        grows |= bool(known["growing"][0] > 0.5)
+    assert grows is growing
+
+
+@pytest.mark.parametrize(
     ("rises", "climbs"),
     [
         ([0.5, 1.0, 1.5, 2.0, 2.3], True),  # two intervals explain 1.0 of it
