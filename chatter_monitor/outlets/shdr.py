@@ -40,7 +40,8 @@ class ShdrAdapter:
     """Holds the newest values, tells an agent that connects all of them, and from then on what changes.
 
     Of channel c: the condition ``chatter_c``, the event ``state_c``, the samples ``frequency_c`` in hertz and
-    ``damping_c``, ``confidence_c`` and ``probability_c``, that it chatters, in percent. Of the monitor: the event ``avail``, the condition ``hearing``.
+    ``damping_c``, ``confidence_c`` and ``probability_c``, that it chatters, in percent. Of the monitor: the event
+    ``avail``, the condition ``hearing``.
     One thread owns it.
 
     Parameters
