@@ -10,8 +10,9 @@ several lines, the highest of them not the lowest: a vibration that grows by its
 makes, and below its overtones. So is what is there at once, noise or not, where lines were faint and nothing repeated,
 or, before the first cut, lifts the noise by far there: growth takes time, and where teeth are heard the tool is in the
 cut, as it is where what got louder within some frames had sounded before.
-Lines that stay as they were while all else gets louder are a pump's and count as silence. A louder tool drowns them:
-where a told speed was not heard, noise that leaps by far more than a lone line lifts it tells. What falls while most of
+Lines that stay as they were while all else gets louder are a pump's and count as silence, and so they do when the
+whole falls and nothing else is left. A louder tool drowns them: where a told speed was not heard, noise that leaps by
+far more than a lone line lifts it tells. What falls while most of
 what is heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on. Until there is
 enough of that to compare with, the tool has left when all of the signal falls, comb and all, between the lines, too,
 and nothing repeats any more.
@@ -60,14 +61,14 @@ STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 
 # Indices of what is known of the air: its level, the logarithm of the power that it does not reach, that of the cut
 # before it, and frames since it ended, those in which the tool enters and all; frames since the cut has got lighter;
-# whether the cut before it was no louder between the lines; and the whole power before it fell, as long as it has not
-# come back, without what turns and with it.
-LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, ALONE, RESIDUAL, WHOLE = range(9)
+# whether the cut before it was no louder between the lines; the whole power before it fell, as long as it has not
+# come back, without what turns and with it; and, beside a pump, that with it which the air does not reach.
+LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, ALONE, RESIDUAL, WHOLE, WHOLE_LIMIT = range(10)
 
 
 def new_air():
     """Nothing is known of it; the tool is in the cut."""
-    return np.array([-math.inf, -math.inf, -math.inf, LONGEST, math.inf, 0.0, 0.0, -math.inf, -math.inf])
+    return np.array([-math.inf, -math.inf, -math.inf, LONGEST, math.inf, 0.0, 0.0, -math.inf, -math.inf, math.inf])
 
 
 class Rings(NamedTuple):
@@ -99,6 +100,8 @@ class Signs(NamedTuple):
     ----------
     fainter : bool
         Whether it has got fainter though most of what is heard goes on, or is taken out of it from now on.
+    pump : bool
+        Whether all that stands out was there, as loud, before a fall (`is_pump`).
     leapt : bool
         Whether the whole became louder at once (`has_leapt`).
     beside : tuple of float
@@ -112,6 +115,7 @@ class Signs(NamedTuple):
     """
 
     fainter: bool
+    pump: bool
     leapt: bool
     beside: tuple[float, float]
     unheard: bool
@@ -129,7 +133,7 @@ def engaged(rings, signs, head, air, scratch):
     signs : Signs
     head : int
         Column of the rings after the newest, counted from the start without wrapping.
-    air : ndarray of float64, shape (9,)
+    air : ndarray of float64, shape (10,)
         What is known of the air, changed in place.
     scratch : ndarray, shape (>= BEFORE,)
         Work space.
@@ -139,7 +143,8 @@ def engaged(rings, signs, head, air, scratch):
     newest, last = (head - 1) % columns, (head - 2) % columns
     level, power = levels[newest], powers[newest]
     air[ALIKE] += 1.0
-    out = level <= air[LEVEL] + NEAR and power <= air[LIMIT]
+    whole = rings.wholes[newest]
+    out = level <= air[LEVEL] + NEAR and power <= air[LIMIT] and whole <= air[WHOLE_LIMIT]
     if out:
         air[LEVEL] += (level - air[LEVEL]) * (1.0 if level < air[LEVEL] else FOLLOWING)
     elif air[ALIKE] >= FALLING + BEFORE // 2:
@@ -147,18 +152,24 @@ def engaged(rings, signs, head, air, scratch):
         power_before = _before(powers, head, air[ALIKE], scratch)
         fell_between = max(level, levels[last]) <= level_before - FALL
         only_noise = max(rings.crests[newest], rings.crests[last]) < NOISE
-        if fell_between or (only_noise and max(power, powers[last]) <= power_before - FALL):
+        only_noise &= max(power, powers[last]) <= power_before - FALL
+        only_pump = signs.pump and max(whole, rings.wholes[last]) <= (
+            _before(rings.wholes, head, air[ALIKE], scratch) - FALL
+        )
+        if fell_between or only_noise or only_pump:
             out = not signs.fainter
             air[ALIKE] = air[ALIKE] if out else 0.0
         if out:
             air[LEVEL], air[LIMIT], air[CUT] = level, max(power_before - FALL, power + NEAR), power_before
+            # beside a pump the noise may have fallen by so little that a cut whose comb is taken out is as quiet
+            air[WHOLE_LIMIT] = math.inf if fell_between or only_noise else whole + NEAR
             air[ALONE] = not fell_between
         elif air[ENTERED] >= LONGEST:
             out = _enters(rings, signs, power_before, head, air, scratch)
     elif rings.repeating[newest] < TEETH and _fallen(levels, head, scratch) and _fallen(rings.wholes, head, scratch):
         out = True
         air[LEVEL], air[CUT], air[ALONE] = level, _before(powers, head, head, scratch), 0.0
-        air[LIMIT] = max(air[CUT] - FALL, power + NEAR)
+        air[LIMIT], air[WHOLE_LIMIT] = max(air[CUT] - FALL, power + NEAR), math.inf
     if out:
         air[ENTERED] = air[SINCE] = 0.0
         return False
@@ -281,7 +292,7 @@ def louder_beside_pump(reliefs, powers, levels, lowest, head):
     if head < FALLING + 2:
         return 0.0, 0.0
     now, then = (head - 1) % levels.shape[0], (head - 1 - FALLING) % levels.shape[0]
-    if levels[now] - levels[then] < NEAR or not _go_on(reliefs, powers, lowest, head - 1 - FALLING, now):
+    if levels[now] - levels[then] < NEAR or not _go_on(reliefs, powers, lowest, FAINT, head - 1 - FALLING, now):
         return 0.0, 0.0
     after = before = TINY
     crest = 0.0
@@ -294,20 +305,32 @@ def louder_beside_pump(reliefs, powers, levels, lowest, head):
 
 
 @njit(**OPTIONS)
-def _go_on(reliefs, powers, lowest, past, now):
-    """Whether lines stood out in a frame, counted from the start, and each of them is as loud in a column of now.
+def is_pump(reliefs, powers, crests, lowest, head):
+    """Whether lines stand out, each of them as loud as before a fall, one of them all the time.
+
+    Not where something that turns is taken out. Parameters as of `louder_beside_pump` and `Rings`.
+    """
+    now, then = (head - 1) % powers.shape[1], (head - 1 - BEFORE) % powers.shape[1]
+    if head <= BEFORE or crests[now] == math.inf or crests[now] < NOISE:
+        return False
+    return _go_on(reliefs, powers, lowest, NOISE, head - 1, then)
+
+
+@njit(**OPTIONS)
+def _go_on(reliefs, powers, lowest, least, frame, other):
+    """Whether lines stand out by so much in a frame, counted from the start, each of them as loud in another column.
 
     One of them has to be steady. A mode in noise stands out as far at times, and may be as loud again, but not always.
     """
-    then, found = past % powers.shape[1], False
+    here, found = frame % powers.shape[1], False
     for b in range(lowest + 1, reliefs.shape[0] - 1):
-        if reliefs[b, then] >= max(FAINT, height(reliefs, b, then)):
-            if abs(height(powers, b, now) - height(powers, b, then)) > STILL:
+        if reliefs[b, here] >= max(least, height(reliefs, b, here)):
+            if abs(height(powers, b, other) - height(powers, b, here)) > STILL:
                 return False
             steady = True
-            for earlier in range(max(0, past - BEFORE), past, FALLING):
+            for earlier in range(max(0, frame - BEFORE), frame, FALLING):
                 column = earlier % powers.shape[1]
-                steady &= abs(height(powers, b, column) - height(powers, b, then)) <= STILL
+                steady &= abs(height(powers, b, column) - height(powers, b, here)) <= STILL
             found |= steady
     return found
 

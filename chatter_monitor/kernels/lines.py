@@ -20,6 +20,7 @@ from chatter_monitor.kernels.engagement import (
     engaged,
     fell,
     has_leapt,
+    is_pump,
     louder_beside_pump,
     new_air,
 )
@@ -76,7 +77,7 @@ class LineState(NamedTuple):
         that repeats.
     cutting : ndarray of bool, shape (frames,)
         Whether the tool was in the cut in each frame.
-    air : ndarray of float64, shape (9,)
+    air : ndarray of float64, shape (10,)
         What is known of the air (`kernels.engagement`).
     counts : ndarray of int64, shape (5,)
     sums : ndarray of float64, shape (bins + 1,)
@@ -250,7 +251,8 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, unheard, state, peaks
     rings = Rings(state.levels, state.totals, state.wholes, state.crests, state.repeating)
     familiar = grew_out_of_hump(reliefs, state.powers, state.totals, lowest, counts[FRAMES], state.scratch)
     several = below_the_highest(relief, power, total, peaks[:count])
-    signs = Signs(fainter, leapt, beside, unheard, familiar, several)
+    pump = is_pump(reliefs, state.powers, state.crests, lowest, counts[FRAMES])
+    signs = Signs(fainter, pump, leapt, beside, unheard, familiar, several)
     state.cutting[column] = engaged(rings, signs, counts[FRAMES], state.air, state.scratch)
     low = fell(state.totals, state.wholes, counts[FRAMES], state.air, state.scratch)
     counts[FALLEN] = counts[FALLEN] + 1 if low else 0

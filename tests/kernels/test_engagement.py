@@ -21,6 +21,7 @@ def told(
     fainter=(),
     leapt=(),
     pump=(),
+    hums=(),
     unheard=(),
     familiar=(),
     several=(),
@@ -30,7 +31,8 @@ def told(
     """Whether the tool is in the cut, frame by frame, for stretches of (frames, level, power, crest) in dB.
 
     In the frames ``fainter`` most of what is heard goes on, fainter; in the frames ``leapt`` all became louder at once,
-    in the frames ``pump`` it did, but for the lines that were there, in the frames ``familiar`` a hump has grown,
+    in the frames ``pump`` it did, but for the lines that were there, in the frames ``hums`` nothing stands out but such
+    lines, in the frames ``familiar`` a hump has grown,
     in the frames ``unheard`` a speed is told and not heard, in the frames ``several`` several lines stand out.
     So much of the power repeats, and so loud is the whole with what turns.
     """
@@ -51,6 +53,7 @@ def told(
             now = len(result)
             signs = engagement.Signs(
                 fainter=now in fainter,
+                pump=now in hums,
                 leapt=now in leapt,
                 beside=BESIDE if now in pump else (0.0, 0.0),
                 unheard=now in unheard,
@@ -320,6 +323,40 @@ def test_a_tool_that_was_heard_to_enter_does_not_enter_again():
     """In the cut that follows, as much noise at once is chatter, or a deeper cut."""
     faint = (*cut(60)[:3], 12.0)
     assert all(told(cut(60), room(60), faint, cut(60, CUT + 14.0))[140:])
+
+
+@pytest.mark.parametrize(("fall", "hums", "leaves"), [(15.0, True, True), (5.0, True, False), (15.0, False, False)])
+def test_a_tool_leaves_beside_a_pump(fall, hums, leaves):
+    """The noise falls by 3 dB only; the whole by more, and nothing is left but the pump, or it is a lighter cut."""
+    tone, quiet = CUT + LOUD - 14.0, AIR + 3.0
+    passes = (60, quiet, CUT + LOUD, STANDS_OUT), room(60, tone=tone)
+    comb_taken_out = 60, quiet, tone - 3.0, np.inf  # as quiet as the pump; the whole is not
+    loud, faint = [0.0] * 60, [-fall] * 60
+    heard = told(*passes, *passes, comb_taken_out, hums=range(60, 360) if hums else (), with_comb=[*loud, *faint] * 3)
+    assert all(heard[:60])
+    assert any(heard[62:120]) is not leaves
+    assert all(heard[125:180])
+    assert any(heard[182:240]) is not leaves
+    assert all(heard[245:])
+
+
+@pytest.mark.parametrize(
+    ("pump_s", "other_s", "turns", "hums"),
+    [(0.0, None, False, True), (1.2, None, False, False), (0.0, 1.2, False, False), (0.0, None, True, False)],
+)
+def test_what_has_been_as_loud_for_a_while_is_a_pump(pump_s, other_s, turns, hums):
+    """Whether something turns, or another line stands out that has not been there, or one alone that has not."""
+    frames, bins = 40, 100
+    reliefs, powers = np.zeros((2, bins, frames))
+    for b, since_s in ((30, pump_s), (60, other_s)):
+        if since_s is not None:
+            begin = round(since_s / 0.05)
+            reliefs[b, begin:] = powers[b, begin:] = STANDS_OUT * DECIBEL
+    crests = np.full(frames, np.inf if turns else STANDS_OUT * DECIBEL)
+    heard = [engagement.is_pump(reliefs, powers, crests, 2, head) for head in range(engagement.BEFORE + 1, 28)]
+    assert all(heard) is hums
+    assert any(heard) is (hums or other_s is not None)  # the other was not there at first
+    assert not engagement.is_pump(reliefs, powers, np.full(frames, NOISE * DECIBEL), 2, 20)
 
 
 def test_what_begins_beside_a_pump_is_a_tool_that_enters():

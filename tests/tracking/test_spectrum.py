@@ -189,6 +189,23 @@ def test_a_tool_enters_a_room_in_which_a_pump_hums(enters, hum):
     assert not any(entering[:30] + entering[40:])
 
 
+@pytest.mark.parametrize(
+    ("hum", "tones", "leaves"), [(0.2, (), True), (0.2, (1640.0,), False), (0.0, (1640.0,), False)]
+)
+def test_a_tool_leaves_a_room_in_which_a_pump_hums(hum, tones, leaves):
+    """The noise of the room is as loud as that of the cut, but what the cut drove is gone; or something new sounds."""
+    t = times(4.0)
+    cut = np.where(t < 2.0, vibration(len(t), [(900.0, 0.02)]), 0.0)
+    left = sum((np.where(t < 2.0, 0.0, 0.2 * np.sin(2 * np.pi * hertz * t)) for hertz in tones), np.zeros(len(t)))
+    heard = cut + left + hum * np.sin(2 * np.pi * 2485.0 * t) + noise(len(t), 0.2)
+    spectrum, cutting = Spectrum(RATE_HZ, INTERVAL), []
+    for first in range(0, len(t), INTERVAL):
+        spectrum.take(heard[first : first + INTERVAL], whole=float(np.var(heard[first : first + INTERVAL])))
+        cutting.append(spectrum.cutting)
+    assert all(cutting[:40])
+    assert any(cutting[46:]) is not leaves
+
+
 @pytest.mark.parametrize(("grown_s", "growing_s", "risen"), [(1.7, 0.04, True), (1.5, 0.0001, False)])
 def test_what_grows_after_the_noise_has_come_has_risen(grown_s, growing_s, risen):
     """The noise of a cut comes at once, then a line grows e-fold in 40 ms; what comes with the noise is the tool's."""
