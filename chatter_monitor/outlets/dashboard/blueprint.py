@@ -93,7 +93,7 @@ def _channel(path: str, clock: Clock, span_s: float) -> Any:
         ),
         rrb.TimeSeriesView(
             origin=f"{path}/damping",
-            name="Damping ratio / %, with 95 % and the stability limit",
+            name="Damping ratio / %, with 95 %",
             axis_x=axis,
             axis_y=rrb.ScalarAxis(range=DAMPING_AXIS_PERCENT),
             plot_legend=legend,
