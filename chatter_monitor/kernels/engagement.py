@@ -62,7 +62,7 @@ STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 # Indices of what is known of the air: its level, the logarithm of the power that it does not reach, that of the cut
 # before it, and frames since it ended, those in which the tool enters and all; frames since the cut has got lighter;
 # whether the cut before it was no louder between the lines; the whole power before it fell, as long as it has not
-# come back, without what turns and with it; and, beside a pump, that with it which the air does not reach.
+# come back, without what turns and with it; and that with what turns which it does not reach, if beside a pump.
 LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, ALONE, RESIDUAL, WHOLE, WHOLE_LIMIT = range(10)
 
 
