@@ -20,7 +20,7 @@ from tests.system.components import REQUIRED
 pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
 
 CHATTER_S = 12.0
-VIEWS = ("evidence", "spectrogram", "poles", "frequency", "damping", "waveform")
+VIEWS = ("evidence", "spectrogram", "poles", "frequency", "damping", "chatter", "waveform")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -82,6 +82,15 @@ def test_the_spectrogram_shows_the_line_that_chatters(pictures):
     lines = np.median(middle, axis=1)
     assert lines.max() > 2.0 * np.median(lines[lines > 30])
     assert share_near(picture, (230, 159, 0)) > 0.0005  # the mode that is tracked, drawn in
+
+
+def test_how_likely_it_chatters_can_be_seen(pictures):
+    """A vermillion line along the top while it does, 8.5 of 20 s, and along the bottom for most of the rest."""
+    line = np.abs(pictures[0]["/channel_0/chatter"] - np.array(VERMILLION)).max(axis=2) < 60
+    half = len(line) // 2
+    top, bottom = line[:half].mean(axis=1).max(), line[half:].mean(axis=1).max()
+    assert top == pytest.approx(8.5 / 20, abs=0.08)
+    assert bottom > 0.3
 
 
 def test_the_stability_limit_is_drawn(pictures):
