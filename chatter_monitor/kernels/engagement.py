@@ -148,14 +148,11 @@ def engaged(rings, signs, head, air, scratch):
     if out:
         air[LEVEL] += (level - air[LEVEL]) * (1.0 if level < air[LEVEL] else FOLLOWING)
     elif air[ALIKE] >= FALLING + BEFORE // 2:
-        level_before = _before(levels, head, air[ALIKE], scratch)
         power_before = _before(powers, head, air[ALIKE], scratch)
-        fell_between = max(level, levels[last]) <= level_before - FALL
+        fell_between = _fallen(levels, head, air[ALIKE], scratch)
         only_noise = max(rings.crests[newest], rings.crests[last]) < NOISE
         only_noise &= max(power, powers[last]) <= power_before - FALL
-        only_pump = signs.pump and max(whole, rings.wholes[last]) <= (
-            _before(rings.wholes, head, air[ALIKE], scratch) - FALL
-        )
+        only_pump = signs.pump and _fallen(rings.wholes, head, air[ALIKE], scratch)
         if fell_between or only_noise or only_pump:
             out = not signs.fainter
             air[ALIKE] = air[ALIKE] if out else 0.0
@@ -166,7 +163,11 @@ def engaged(rings, signs, head, air, scratch):
             air[ALONE] = not fell_between
         elif air[ENTERED] >= LONGEST:
             out = _enters(rings, signs, power_before, head, air, scratch)
-    elif rings.repeating[newest] < TEETH and _fallen(levels, head, scratch) and _fallen(rings.wholes, head, scratch):
+    elif (
+        rings.repeating[newest] < TEETH
+        and _fallen(levels, head, head, scratch)
+        and _fallen(rings.wholes, head, head, scratch)
+    ):
         out = True
         air[LEVEL], air[CUT], air[ALONE] = level, _before(powers, head, head, scratch), 0.0
         air[LIMIT], air[WHOLE_LIMIT] = max(air[CUT] - FALL, power + NEAR), math.inf
@@ -366,26 +367,26 @@ def fell(powers, wholes, head, air, scratch):
 @njit(**OPTIONS)
 def _stays_fallen(powers, index, head, air, scratch):
     """Whether one of both has; the power that it had before is at this index of what is known."""
-    air[index] = max(air[index], _before_fall(powers, head, scratch))
+    air[index] = max(air[index], _before_fall(powers, head, head, scratch))
     if powers[(head - 1) % powers.shape[0]] > air[index] - NEAR:
         air[index] = -math.inf
     return air[index] > -math.inf
 
 
 @njit(**OPTIONS)
-def _before_fall(values, head, scratch):
-    """Median of the frames before, whatever these were, if both of the last are far below it; else minus infinity."""
-    if head < FALLING + BEFORE // 2:
+def _before_fall(values, head, alike, scratch):
+    """Median of the frames before, as of `_before`, if both of the last are far below it; else minus infinity."""
+    if alike < FALLING + BEFORE // 2:
         return -math.inf
     last = max(values[(head - 1) % values.shape[0]], values[(head - 2) % values.shape[0]])
-    before = _before(values, head, head, scratch)
+    before = _before(values, head, alike, scratch)
     return before if last <= before - FALL else -math.inf
 
 
 @njit(**OPTIONS)
-def _fallen(values, head, scratch):
-    """Whether both of the last frames are far below those before."""
-    return _before_fall(values, head, scratch) > -math.inf
+def _fallen(values, head, alike, scratch):
+    """Whether both of the last frames are far below those before, of so many that are alike."""
+    return _before_fall(values, head, alike, scratch) > -math.inf
 
 
 @njit(**OPTIONS)

@@ -58,7 +58,6 @@ def blueprint(channels: Sequence[str], clock: Clock, span_s: float) -> rrb.Bluep
 
 def _channel(path: str, clock: Clock, span_s: float) -> Any:
     axis = _axis(clock, span_s)
-    legend = rrb.PlotLegend(visible=False)
     upper = rrb.Horizontal(
         rrb.TextDocumentView(origin=f"{path}/evidence", name="What it is, and why"),
         rrb.Spatial2DView(
@@ -85,31 +84,22 @@ def _channel(path: str, clock: Clock, span_s: float) -> Any:
         column_shares=[2.2, 5, 3],
     )
     lower = rrb.Horizontal(
-        rrb.TimeSeriesView(
-            origin=f"{path}/frequency",
-            name="Frequency of each mode / Hz, with 95 %",
-            axis_x=axis,
-            plot_legend=legend,
-        ),
-        rrb.TimeSeriesView(
-            origin=f"{path}/damping",
-            name="Damping ratio / %, with 95 %",
-            axis_x=axis,
-            axis_y=rrb.ScalarAxis(range=DAMPING_AXIS_PERCENT),
-            plot_legend=legend,
-        ),
-        rrb.TimeSeriesView(
-            origin=f"{path}/chatter",
-            name="How likely it chatters / %",
-            axis_x=axis,
-            axis_y=rrb.ScalarAxis(range=LIKELY_AXIS_PERCENT),
-            plot_legend=legend,
-        ),
-        rrb.TimeSeriesView(
-            origin=f"{path}/waveform", name="Waveform, smallest and largest / unit", axis_x=axis, plot_legend=legend
-        ),
+        _curves(f"{path}/frequency", "Frequency of each mode / Hz, with 95 %", axis),
+        _curves(f"{path}/damping", "Damping ratio / %, with 95 %", axis, DAMPING_AXIS_PERCENT),
+        _curves(f"{path}/chatter", "How likely it chatters / %", axis, LIKELY_AXIS_PERCENT),
+        _curves(f"{path}/waveform", "Waveform, smallest and largest / unit", axis),
     )
     return rrb.Vertical(upper, lower, row_shares=[1.15, 1.0], name=path.replace("_", " "))
+
+
+def _curves(
+    origin: str, name: str, axis: rrb.TimeAxis | None, limits: tuple[float, float] | None = None
+) -> rrb.TimeSeriesView:
+    """Curves over time, from one value to another, or as far as they go."""
+    height = None if limits is None else rrb.ScalarAxis(range=limits)
+    return rrb.TimeSeriesView(
+        origin=origin, name=name, axis_x=axis, axis_y=height, plot_legend=rrb.PlotLegend(visible=False)
+    )
 
 
 def _bounds(left: float, right: float, height: float) -> rrb.VisualBounds2D:
