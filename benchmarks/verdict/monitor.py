@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 import zlib
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +19,10 @@ from chatter_monitor.config import Settings, load
 from chatter_monitor.outlets.control import Command, SetSpindle
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Announcement, Block, Event, Odp, OdpFrame, Verdict
+from chatter_monitor.service.ahead import FrontEndsAhead
+from chatter_monitor.service.front_ends import FrontEnds
 from chatter_monitor.service.monitor import Monitor
+from chatter_monitor.service.replay import FAST_BLOCK_SAMPLES
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +66,7 @@ class Passage:
 
 @dataclass(frozen=True)
 class Remarks:
-    """What the monitor said since the passage before.
+    """What the monitor said of a piece of a passage.
 
     Attributes
     ----------
@@ -96,7 +101,7 @@ def stale(cut: Cut) -> tuple[float, int]:
 def listen(cut: Cut, told: tuple[float, int] | None) -> Opinions:
     """Run the monitor over a cut, told a spindle speed (rpm) and teeth, or neither."""
     verdicts = _Kept()
-    source = Synthetic.from_array(cut.samples, RATE_HZ, block_samples=32768)
+    source = Synthetic.from_array(cut.samples, RATE_HZ, block_samples=FAST_BLOCK_SAMPLES)
     options = {} if told is None else {"spindle": {"speed_rpm": told[0], "teeth": told[1]}}
     for _ in _monitor(load([], options), source, verdicts).run():
         pass
@@ -106,24 +111,33 @@ def listen(cut: Cut, told: tuple[float, int] | None) -> Opinions:
     return Opinions.of(kept)
 
 
-def watch(passages: Iterable[Passage], *, announce: bool) -> Iterator[Remarks]:
-    """Run the monitor over a long recording; yields what it said of each passage."""
+def watch(passages: Iterable[Passage], *, announce: bool, ahead: bool = False) -> Iterator[Remarks]:
+    """Run the monitor over a long recording, with a process ahead or not; yields what it said of piece after piece."""
     source, kept = _Stream(passages), _Kept()
 
     def commands() -> list[SetSpindle]:
-        told = source.doing.announced if announce else None
+        told = source.taken[-1].announced if announce else None
         return [] if told is None else [SetSpindle(rpm=told[0], teeth=told[1])]
 
-    for end in _monitor(Settings(), source, kept, commands).run():
-        yield Remarks(
-            source.doing.doing, [v.state for v in kept.verdicts], kept.events, end / RATE_HZ, source.generating_s
-        )
-        kept.verdicts.clear()
-        kept.events = 0
+    settings = Settings()
+    with ExitStack() as stack:
+        front_ends = None
+        if ahead:
+            front_ends = stack.enter_context(FrontEndsAhead(settings, source.channels, RATE_HZ, FAST_BLOCK_SAMPLES))
+        for end in _monitor(settings, source, kept, commands, front_ends).run():
+            doing = source.taken.popleft().doing
+            states = [verdict.state for verdict in kept.verdicts]
+            yield Remarks(doing, states, kept.events, end / RATE_HZ, source.generating_s)
+            kept.verdicts.clear()
+            kept.events = 0
 
 
 def _monitor(
-    settings: Settings, source: Source, kept: _Kept, commands: Callable[[], Iterable[Command]] = lambda: ()
+    settings: Settings,
+    source: Source,
+    kept: _Kept,
+    commands: Callable[[], Iterable[Command]] = lambda: (),
+    front_ends: FrontEnds | None = None,
 ) -> Monitor:
     return Monitor(
         settings,
@@ -134,6 +148,7 @@ def _monitor(
         session="benchmark",
         clock=time.perf_counter,
         commands=commands,
+        front_ends=front_ends,
     )
 
 
@@ -158,17 +173,17 @@ class _Kept(Outlet):
 
 
 class _Stream(Source):
-    """One block for each passage, made when it is asked for."""
+    """Passages, made when they are asked for, in blocks as of a replay."""
 
     sample_rate_hz, channels, length = RATE_HZ, 1, None
 
     def __init__(self, passages: Iterable[Passage]) -> None:
         self._passages = iter(passages)
-        self.doing = Passage(np.zeros(0), "nothing", None)
+        self.taken: deque[Passage] = deque()  # of which nothing has been told yet
         self.generating_s = 0.0
 
     def blocks(self) -> Iterator[Block]:
-        """Yield passages as blocks."""
+        """Yield the blocks; a speed is announced with the first one of a passage."""
         first = 0
         while True:
             began = time.perf_counter()
@@ -176,9 +191,11 @@ class _Stream(Source):
             self.generating_s += time.perf_counter() - began
             if passage is None:
                 return
-            self.doing = passage
-            yield Block(first, passage.samples[:, np.newaxis], RATE_HZ)
-            first += len(passage.samples)
+            for begin in range(0, len(passage.samples), FAST_BLOCK_SAMPLES):
+                samples = passage.samples[begin : begin + FAST_BLOCK_SAMPLES]
+                self.taken.append(Passage(samples, passage.doing, passage.announced if begin == 0 else None))
+                yield Block(first, samples[:, np.newaxis], RATE_HZ)
+                first += len(samples)
 
     def close(self) -> None:
         """Nothing to give back."""

@@ -149,7 +149,7 @@ def main() -> None:
     events, generating, began = 0, 0.0, time.perf_counter()
     with Progress(console=Console(stderr=True)) as progress:
         task = progress.add_task("shift", total=seconds)
-        for heard in watch(shift(cuts, seconds, chosen.seed), announce=chosen.speed == "known"):
+        for heard in watch(shift(cuts, seconds, chosen.seed), announce=chosen.speed == "known", ahead=True):
             states.update(heard.states)
             alarms[heard.doing] += heard.states.count("self_excited")
             events += heard.events

@@ -14,9 +14,11 @@ from chatter_monitor.acquisition.source import Source
 from chatter_monitor.config import Settings
 from chatter_monitor.outlets.control import Command, Mark, SetSpindle
 from chatter_monitor.outlets.outlet import Outlet
-from chatter_monitor.records import Announcement, Flag, Health, Mode, Odp, OdpFrame
+from chatter_monitor.records import Announcement, Health, Mode, Odp, OdpFrame
+from chatter_monitor.service.front_ends import FrontEnds, FrontEndsHere, Taken
 from chatter_monitor.service.watching import Watching
-from chatter_monitor.tracking.channel import Channel, Observation
+from chatter_monitor.tracking.channel import BackEnd, Channel, Observation
+from chatter_monitor.tracking.front_end import Tracked
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S
 from chatter_monitor.verdict.event_log import EventLog
@@ -99,6 +101,8 @@ class Monitor:
         Publications dropped so far.
     commands : callable
         Commands that have come since the last call; they are carried out between two blocks.
+    front_ends : FrontEnds, optional
+        Of all channels; in this process if it is not given.
 
     Attributes
     ----------
@@ -118,6 +122,7 @@ class Monitor:
         clock: Callable[[], float],
         dropped: Callable[[], int] = lambda: 0,
         commands: Callable[[], Iterable[Command]] = lambda: (),
+        front_ends: FrontEnds | None = None,
     ) -> None:
         self._source = source
         self._outlets = outlets
@@ -127,13 +132,15 @@ class Monitor:
         self._commands = commands
         self._marks: list[str] = []
         self.trouble: str | None = None
-        self._channels = [
-            Channel(settings.tracker, settings.orders, settings.spindle, c, source_rate_hz)
-            for c in range(source.channels)
+        self._front_ends = front_ends or FrontEndsHere(settings, source.channels, source_rate_hz)
+        self._back_ends = [
+            BackEnd(settings.tracker.sample_rate_hz, settings.spindle, c) for c in range(source.channels)
         ]
         self._judges = [Judge(settings.verdict, c, interval_s=INTERVAL_S) for c in range(source.channels)]
         self._events = EventLog(session, settings.spindle)
-        self._spindle = settings.spindle
+        self._told = settings.spindle  # with the newest block that was taken
+        self._news: SpindleSettings | None = None  # for the next one
+        self._spindle = settings.spindle  # of the intervals that are judged
         self._watching = None
         if settings.model.file is not None:
             self._watching = Watching(
@@ -149,9 +156,12 @@ class Monitor:
         end = 0
         health_due = self._source.sample_rate_hz
         hearing = self._source.condition().hearing
-        for block in self._source.blocks():
-            began = self._clock()
-            self._obey(block.first_sample / self._source.sample_rate_hz)
+        taken = None
+        for taken, tracked in self._front_ends.through(self._taken()):
+            block = taken.block
+            self._marks += taken.marks
+            if taken.spindle is not None:
+                self._set_spindle(taken.spindle)
             end = block.first_sample + len(block.samples)
             self._tally.samples += len(block.samples)
             if block.lost:
@@ -159,58 +169,67 @@ class Monitor:
                 self._tally.lost_at_s = block.first_sample / self._source.sample_rate_hz
             for outlet in self._outlets:
                 outlet.block(block)
-            for number, channel in enumerate(self._channels):
-                # The tracker flags a gap before the block where it lies; the block's length is chance.
-                flags = block.flags[number] if block.flags else Flag.NONE
-                self._deliver([*channel.process(block.first_sample, block.samples[:, number], flags)])
+            self._deliver(tracked)
             if len(block.samples):
-                self._tally.latencies_s.append(self._clock() - (began if block.arrived_s is None else block.arrived_s))
+                since_s = taken.taken_s if block.arrived_s is None else block.arrived_s
+                self._tally.latencies_s.append(self._clock() - since_s)
             self._digest()
             while end >= health_due:
-                self._send(self._health(health_due / self._source.sample_rate_hz, finished=False))
+                self._send(self._health(health_due / self._source.sample_rate_hz, taken, finished=False))
                 health_due += self._source.sample_rate_hz
             if hearing != (hearing := self._source.condition().hearing):  # is news that does not wait for the second
-                self._send(self._health(end / self._source.sample_rate_hz, finished=False))
+                self._send(self._health(end / self._source.sample_rate_hz, taken, finished=False))
             yield end
-        for channel in self._channels:
-            self._deliver([*channel.finish()])
+        self._deliver(self._front_ends.finish())
         self._digest()
-        for number in range(len(self._channels)):
+        for number in range(len(self._back_ends)):
             event = self._events.finish(number)
             if event is not None:
                 self._send(event)
-        self._send(self._health(end / self._source.sample_rate_hz, finished=True))
+        self._send(self._health(end / self._source.sample_rate_hz, taken, finished=True))
 
-    def _obey(self, t: float) -> None:
-        """Carry out the commands that have come before the block that begins at `t`."""
-        for command in self._commands():
-            match command:
-                case SetSpindle():
-                    self._set_spindle(
-                        msgspec.structs.replace(self._spindle, speed_rpm=command.rpm, teeth=command.teeth)
-                    )
-                case Mark():
-                    self._marks.append(f"mark at {t:.2f} s: {command.text}")
+    def _taken(self) -> Iterator[Taken]:
+        """Take block by block from the source, each with the commands that have come before it."""
+        for block in self._source.blocks():
+            taken_s = self._clock()
+            marks = []
+            for command in self._commands():
+                match command:
+                    case SetSpindle():
+                        self._news = msgspec.structs.replace(self._told, speed_rpm=command.rpm, teeth=command.teeth)
+                    case Mark():
+                        marks.append(
+                            f"mark at {block.first_sample / self._source.sample_rate_hz:.2f} s: {command.text}"
+                        )
+            news, self._news = self._news, None
+            self._told = news or self._told
+            counts = self._counts.clipped_samples, self._counts.non_finite_samples
+            yield Taken(block, news, tuple(marks), *counts, taken_s)
 
     def reconfigure(self, verdict: JudgeSettings, spindle: SpindleSettings | None) -> None:
         """Judge by other thresholds from the next interval on, and by another spindle if there is one."""
         for judge in self._judges:
             judge.set_thresholds(verdict)
         if spindle is not None:
-            self._set_spindle(spindle)
+            self._told = self._news = spindle
 
     def _set_spindle(self, spindle: SpindleSettings) -> None:
         self._spindle = spindle
         self._events.set_spindle(spindle)
-        for channel in self._channels:
-            channel.set_spindle(spindle)
+        for back_end in self._back_ends:
+            back_end.set_spindle(spindle)
         if self._watching is not None:
             self._watching.set_spindle(spindle)
         for outlet in self._outlets:
             outlet.spindle(spindle)
 
-    def _deliver(self, observations: list[Observation]) -> None:
-        """Judge the intervals of a channel that have ended, and hand them to the outlets."""
+    def _deliver(self, tracked: Iterable[list[Tracked]]) -> None:
+        """Tell of the intervals that have ended, channel by channel."""
+        for back_end, of_channel in zip(self._back_ends, tracked, strict=True):
+            self._judge([*back_end.observe(of_channel)])
+
+    def _judge(self, observations: list[Observation]) -> None:
+        """Judge intervals of a channel, and hand them to the outlets."""
         for observation, evidence in [(seen, weigh(seen, self._spindle)) for seen in observations]:
             frame = observation.odp
             judge = self._judges[frame.channel]
@@ -230,8 +249,9 @@ class Monitor:
 
     def _digest(self) -> None:
         """Do what nobody waits for, now that all verdicts are out."""
-        for channel in self._channels:
-            channel.digest()
+        self._front_ends.digest()
+        for back_end in self._back_ends:
+            back_end.digest()
         for mismatch in self._watching.digest() if self._watching is not None else ():
             self._send(mismatch)
         for outlet in self._outlets:
@@ -241,7 +261,7 @@ class Monitor:
         for outlet in self._outlets:
             outlet.message(message)
 
-    def _health(self, t: float, *, finished: bool) -> Health:
+    def _health(self, t: float, taken: Taken | None, *, finished: bool) -> Health:
         tally = self._tally
         latencies_ms = 1000.0 * np.array(tally.latencies_s) if tally.latencies_s else None
         tally.latencies_s = []
@@ -259,8 +279,8 @@ class Monitor:
             samples_in=tally.samples,
             lost=tally.lost,
             overflows=condition.overflows,
-            clipped=self._counts.clipped_samples,
-            non_finite=self._counts.non_finite_samples,
+            clipped=0 if taken is None else taken.clipped,
+            non_finite=0 if taken is None else taken.non_finite,
             publications_dropped=self._dropped(),
             ring_fill=condition.ring_fill,
             latency_ms_p50=None if latencies_ms is None else float(np.percentile(latencies_ms, 50)),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -10,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.records import Flag, OdpFrame
+from chatter_monitor.tracking.front_end import FrontEnd, Tracked
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.margin_tracker import MarginSettings, MarginTracker
-from chatter_monitor.tracking.orders import Orders, OrderSettings, OrderTracker
+from chatter_monitor.tracking.orders import Orders, OrderSettings
 from chatter_monitor.tracking.spectrum import Spectrum
 from chatter_monitor.tracking.spindle import SpindleSettings
-from chatter_monitor.tracking.tracker import INTERVAL_S, Tracker, TrackerSettings
+from chatter_monitor.tracking.tracker import INTERVAL_S, TrackerSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,22 +49,57 @@ class Observation:
     alone: bool = False
 
 
-class Channel:
-    """Follows one channel.
+class BackEnd:
+    """Looks at the lines and the margin of what a front end has tracked.
 
     Parameters
     ----------
-    tracker : TrackerSettings
-        Of the recursion.
-    orders : OrderSettings
-        Of the spindle-synchronous part.
+    rate_hz : float
+        Of the signal.
     spindle : SpindleSettings
         Speed and teeth, where known.
     channel : int
-        Number that the frames carry.
-    source_rate_hz : float, optional
-        Rate at which the signal was sampled first.
+        Its number.
     """
+
+    def __init__(self, rate_hz: float, spindle: SpindleSettings, channel: int = 0) -> None:
+        self._rate_hz = rate_hz
+        self._spectrum = Spectrum(rate_hz, round(INTERVAL_S * rate_hz))
+        self._channel = channel
+        self._teeth = spindle.teeth
+        self._margin = self._new_margin()
+        self._last_margin = Margin(reason="too little signal yet")
+
+    def set_spindle(self, spindle: SpindleSettings) -> None:
+        """Go by another number of teeth from now on."""
+        if spindle.teeth != self._teeth:
+            self._teeth = spindle.teeth
+            self._margin = self._new_margin()
+
+    def observe(self, tracked: list[Tracked]) -> Iterator[Observation]:
+        """Yield what there is to see in intervals."""
+        # One stage after the other over all frames of a block, so that each finds its code and data in the cache.
+        lines = [lines_of(self._spectrum, odp, turned) for odp, turned in tracked]
+        margins = [self._margin_of(odp, turned) for odp, turned in tracked]
+        for (odp, turned), (found, cutting, *engaged), margin in zip(tracked, lines, margins, strict=True):
+            yield Observation(odp, turned, found, cutting, margin, *engaged)
+
+    def digest(self) -> None:
+        """Go on with a fit of the margin: before the next sample in any case, better when nobody waits."""
+        self._margin.digest()
+
+    def _new_margin(self) -> MarginTracker:
+        return MarginTracker(MarginSettings(), self._rate_hz, self._teeth, turn=self._channel)
+
+    def _margin_of(self, frame: OdpFrame, orders: Orders) -> Margin:
+        """Margin at the end of a frame; the delay is known only with the spindle, not with any comb."""
+        for margin in self._margin.process(frame.signal, *orders.spindle):
+            self._last_margin = margin
+        return self._last_margin
+
+
+class Channel:
+    """Follows one channel: both ends in one. Parameters as of `FrontEnd`."""
 
     def __init__(
         self,
@@ -74,42 +109,19 @@ class Channel:
         channel: int = 0,
         source_rate_hz: float | None = None,
     ) -> None:
-        self._rate_hz = rate_hz = tracker.sample_rate_hz
-        self._orders = OrderTracker(orders, rate_hz, spindle, turn=channel)
-        self._tracker = Tracker(tracker, channel, source_rate_hz)
-        self._spectrum = Spectrum(rate_hz, round(INTERVAL_S * rate_hz))
-        self._waiting: deque[Orders] = deque()
-        self._spindle = spindle
-        self._channel = channel
-        self._margin = MarginTracker(MarginSettings(), rate_hz, spindle.teeth, turn=channel)
-        self._last_margin = Margin(reason="too little signal yet")
+        self._front = FrontEnd(tracker, orders, spindle, channel, source_rate_hz)
+        self._back = BackEnd(tracker.sample_rate_hz, spindle, channel)
 
     def set_spindle(self, spindle: SpindleSettings) -> None:
         """Go by another speed or number of teeth from now on."""
-        self._orders.set_spindle(spindle)
-        if spindle.teeth != self._spindle.teeth:
-            self._margin = MarginTracker(MarginSettings(), self._rate_hz, spindle.teeth, turn=self._channel)
-        self._spindle = spindle
+        self._front.set_spindle(spindle)
+        self._back.set_spindle(spindle)
 
     def process(
         self, first_sample: int, samples: NDArray[np.float64], flags: Flag = Flag.NONE
     ) -> Iterator[Observation]:
-        """Take samples and yield the intervals that they complete.
-
-        Parameters
-        ----------
-        first_sample : int
-            Index of the first one; what was skipped since the last call is lost.
-        samples : ndarray of float64, shape (n,)
-            The signal.
-        flags : Flag
-            What is wrong with these samples.
-        """
-        if flags & Flag.NON_FINITE:
-            samples = np.full(len(samples), np.nan)  # they are placeholders, not measurements
-        residual, orders = self._orders.process(first_sample, samples)
-        self._waiting.extend(orders)
-        yield from self._observations(self._tracker.process(first_sample, residual, flags))
+        """Take samples, as `FrontEnd.process` does, and yield the intervals that they complete."""
+        return self._back.observe(self._front.process(first_sample, samples, flags))
 
     def digest(self) -> None:
         """Do what an interval leaves to be done: learn from it, look for combs, fit the margin.
@@ -117,28 +129,12 @@ class Channel:
         Nothing that is told of that interval depends on it. It is done before the next sample in any case; whoever
         calls this chooses a moment when nobody waits for a verdict.
         """
-        self._orders.digest()
-        self._margin.digest()
+        self._front.digest()
+        self._back.digest()
 
     def finish(self) -> Iterator[Observation]:
         """Yield what remains as a last, shorter interval."""
-        self._waiting.extend(self._orders.finish())
-        yield from self._observations(self._tracker.finish())
-
-    def _observations(self, frames: Iterator[OdpFrame]) -> Iterator[Observation]:
-        # One stage after the other over all frames of a block, so that each finds its code and data in the cache.
-        odps = list(frames)
-        orders = [self._waiting.popleft() for _ in odps]
-        lines = [lines_of(self._spectrum, odp, turned) for odp, turned in zip(odps, orders, strict=True)]
-        margins = [self._margin_of(odp, turned) for odp, turned in zip(odps, orders, strict=True)]
-        for odp, turned, (found, cutting, *engaged), margin in zip(odps, orders, lines, margins, strict=True):
-            yield Observation(odp, turned, found, cutting, margin, *engaged)
-
-    def _margin_of(self, frame: OdpFrame, orders: Orders) -> Margin:
-        """Margin at the end of a frame; the delay is known only with the spindle, not with any comb."""
-        for margin in self._margin.process(frame.signal, *orders.spindle):
-            self._last_margin = margin
-        return self._last_margin
+        return self._back.observe(self._front.finish())
 
 
 def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[NDArray[np.float64], bool, bool, bool]:

@@ -18,8 +18,9 @@ from chatter_monitor.service.archive.dataset import R
 from chatter_monitor.service.archive.job import Job, Outcome, claim
 from chatter_monitor.service.archive.kind import Kind
 from chatter_monitor.service.archive.recordings import find
-from chatter_monitor.service.archive.spread import in_processes, on_cluster, processors
+from chatter_monitor.service.archive.spread import in_processes, on_cluster
 from chatter_monitor.service.compiling import what_takes_long
+from chatter_monitor.service.processors import processors
 
 PAGE = "report.html"
 SHOWN = 20

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 from collections import Counter, deque
@@ -18,11 +17,6 @@ from chatter_monitor.service.archive.job import Job, Outcome, work
 ATTEMPTS = 3
 CONNECT_S = 10.0
 ADDRESS = re.compile(r"(tcp|tls|wss?)://\S+:\d{1,5}")
-
-
-def processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def in_processes(jobs: Sequence[Job], processes: int) -> Iterator[Outcome]:

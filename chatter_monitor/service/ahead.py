@@ -1,0 +1,218 @@
+"""Front ends in a process of their own, a few blocks ahead of the monitor.
+
+Arrays go from one process to the other through memory that both see: a pipe takes five times as long for them, and
+whoever sends what a pipe does not hold has to wait until it is taken.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import signal
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import fields, replace
+from multiprocessing import get_context, resource_tracker
+from multiprocessing.connection import Connection
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.config import Settings
+from chatter_monitor.errors import EnvironmentFault
+from chatter_monitor.records import OdpFrame
+from chatter_monitor.service.front_ends import FrontEndsHere, Taken
+from chatter_monitor.tracking.front_end import Tracked
+from chatter_monitor.tracking.orders import Orders
+
+AnyArray = NDArray[Any]
+
+# The two processes take turns at being the slower one: so many blocks may be on their way.
+UNDER_WAY = 8
+_BYTES_OF_SAMPLE, _BYTES_OF_MODE = 8, 17  # of the signal; of a mode's ODPs at one sample
+_ALIGNED = 64  # bytes: an array begins at a multiple of this
+_SLACK = 1.25  # an interval may begin before its block, and each array has a little besides
+_NO_SAMPLES = np.empty((0, 0))
+_FIELDS = tuple(field.name for field in fields(OdpFrame))
+
+
+class FrontEndsAhead:
+    """As `FrontEndsHere`, to the last bit, but a long recording takes little more than half of the time.
+
+    Use it as a context manager.
+
+    Parameters
+    ----------
+    settings : Settings
+        The machine configuration.
+    channels : int
+        How many.
+    source_rate_hz : float
+        Rate at which the signal was sampled before it was converted.
+    block_samples : int
+        Of most blocks, at most; what is longer takes longer.
+    """
+
+    def __init__(self, settings: Settings, channels: int, source_rate_hz: float, block_samples: int) -> None:
+        context = get_context("spawn")  # threads and compiled code do not survive a fork
+        room = round(_SLACK * UNDER_WAY * channels * block_samples)
+        frames = _BYTES_OF_SAMPLE + settings.tracker.modes * _BYTES_OF_MODE
+        self._there = _Shared(context.RawArray(ctypes.c_uint8, room * _BYTES_OF_SAMPLE))
+        self._back = _Shared(context.RawArray(ctypes.c_uint8, room * frames))
+        self._pipe, other = context.Pipe()
+        about = settings, channels, source_rate_hz
+        self._process = context.Process(target=_serve, args=(other, self._there, self._back, *about), daemon=True)
+        resource_tracker.ensure_running()  # to start that lets interrupts through again
+        # A terminal interrupts both; the other one inherits that it is not to mind, and who started it ends it.
+        minded = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        self._process.start()
+        signal.pthread_sigmask(signal.SIG_SETMASK, minded)
+        other.close()
+
+    def through(self, taken: Iterable[Taken]) -> Iterator[tuple[Taken, list[list[Tracked]]]]:
+        """As of `FrontEnds`; raises an `EnvironmentFault` if the process dies."""
+        under_way: deque[Taken] = deque()
+        for each in taken:
+            # What fits into the shared memory leaves so little for the pipe that no sender waits. For the rest the
+            # other side has to be ready to take it.
+            while len(under_way) == UNDER_WAY or (under_way and not self._there.fits(each.block.samples)):
+                yield under_way.popleft(), self._results()
+            with suppress(OSError):  # it has died, which `_results` finds out
+                self._there.begin_message()
+                place = self._there.put([each.block.samples])
+                self._pipe.send((replace(each.block, samples=_NO_SAMPLES), place, each.spindle))
+            under_way.append(each)
+        while under_way:
+            yield under_way.popleft(), self._results()
+
+    def finish(self) -> list[list[Tracked]]:
+        """As of `FrontEnds`."""
+        with suppress(OSError):
+            self._pipe.send(None)
+        return self._results()
+
+    def digest(self) -> None:
+        """As of `FrontEnds`: nothing, because nobody waits there."""
+
+    def _results(self) -> list[list[Tracked]]:
+        try:
+            answer: list[_Intervals] = self._pipe.recv()
+        except (EOFError, OSError) as error:
+            self._process.join()
+            raise EnvironmentFault(
+                "the second process of the replay died",
+                got=f"exit code {self._process.exitcode}",
+                remedy="Is there enough memory? Replay again.",
+            ) from error
+        self._back.begin_message()
+        return [intervals.unpacked(self._back) for intervals in answer]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.kill()
+        self._process.join()
+        self._pipe.close()
+
+
+class _Place(NamedTuple):
+    """Where arrays of one shape lie in a part of the shared memory."""
+
+    begin: int
+    shape: tuple[int, ...]
+    kind: np.dtype[Any]
+
+    @property
+    def end(self) -> int:
+        return self.begin + math.prod(self.shape) * self.kind.itemsize
+
+
+class _Shared:
+    """Memory that two processes see, in as many parts as messages may be on their way; each has its turn.
+
+    Parameters
+    ----------
+    memory : ctypes array of c_uint8
+        The memory.
+    """
+
+    def __init__(self, memory: Any) -> None:
+        self._memory = memory
+        self._size = len(memory) // UNDER_WAY // _ALIGNED * _ALIGNED
+        self._message = -1
+        self._end = 0  # of what has been put in this part
+
+    def begin_message(self) -> None:
+        """Go on to the next part."""
+        self._message += 1
+        self._end = 0
+
+    def fits(self, array: AnyArray) -> bool:
+        """Whether an array fits into a part."""
+        return array.nbytes <= self._size
+
+    def put(self, arrays: Sequence[AnyArray]) -> _Place | AnyArray:
+        """Put arrays of one shape in this part and tell where; or return them as one, if there is no room."""
+        begin = -(-self._end // _ALIGNED) * _ALIGNED
+        place = _Place(begin, (len(arrays), *arrays[0].shape), arrays[0].dtype)
+        if place.end > self._size:
+            return np.stack(arrays)
+        np.stack(arrays, out=self._at(place))
+        self._end = place.end
+        return place
+
+    def get(self, place: _Place | AnyArray) -> AnyArray:
+        """Return what was put, for keeps: the part will be used again."""
+        return self._at(place).copy() if isinstance(place, _Place) else place
+
+    def _at(self, place: _Place) -> AnyArray:
+        begin = self._message % UNDER_WAY * self._size + place.begin
+        return np.ndarray(place.shape, place.kind, self._memory, begin)
+
+
+class _Intervals(NamedTuple):
+    """Intervals of a channel: what turned in each, and each field of all their frames, arrays of all of them in one."""
+
+    orders: list[Orders]
+    fields: list[Any]
+
+    @classmethod
+    def packed(cls, tracked: list[Tracked], shared: _Shared) -> _Intervals:
+        """Put arrays into shared memory."""
+        columns = [[getattr(odp, name) for odp, _ in tracked] for name in _FIELDS] if tracked else []
+        arrays = [isinstance(column[0], np.ndarray) for column in columns]
+        packed = [
+            shared.put([a.T for a in c]) if of_arrays else c for c, of_arrays in zip(columns, arrays, strict=True)
+        ]
+        return cls([orders for _, orders in tracked], packed)
+
+    def unpacked(self, shared: _Shared) -> list[Tracked]:
+        """Take them out."""
+        arrays = [isinstance(column, _Place | np.ndarray) for column in self.fields]
+        columns = [
+            [a.T for a in shared.get(c)] if of_arrays else c for c, of_arrays in zip(self.fields, arrays, strict=True)
+        ]
+        return [Tracked(OdpFrame(*values), orders) for orders, *values in zip(self.orders, *columns, strict=True)]
+
+
+def _serve(
+    pipe: Connection, there: _Shared, back: _Shared, settings: Settings, channels: int, source_rate_hz: float
+) -> None:
+    front_ends = FrontEndsHere(settings, channels, source_rate_hz)
+
+    def answer(channels: Iterable[list[Tracked]]) -> None:
+        back.begin_message()
+        pipe.send([_Intervals.packed(tracked, back) for tracked in channels])
+
+    with suppress(EOFError, OSError):  # who started this is gone
+        while (work := pipe.recv()) is not None:
+            block, place, spindle = work
+            there.begin_message()
+            answer(front_ends.track(replace(block, samples=there.get(place)[0]), spindle))
+        answer(front_ends.finish())
