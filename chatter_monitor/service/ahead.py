@@ -184,20 +184,16 @@ class _Intervals(NamedTuple):
 
     @classmethod
     def packed(cls, tracked: list[Tracked], shared: _Shared) -> _Intervals:
-        """Put arrays into shared memory."""
-        columns = [[getattr(odp, name) for odp, _ in tracked] for name in _FIELDS] if tracked else []
-        arrays = [isinstance(column[0], np.ndarray) for column in columns]
-        packed = [
-            shared.put([a.T for a in c]) if of_arrays else c for c, of_arrays in zip(columns, arrays, strict=True)
-        ]
+        """Put arrays into shared memory, transposed: so they lie in the memory of a frame."""
+        packed: list[Any] = []
+        for name in _FIELDS if tracked else ():
+            values = [getattr(odp, name) for odp, _ in tracked]
+            packed.append(shared.put([v.T for v in values]) if isinstance(values[0], np.ndarray) else values)
         return cls([orders for _, orders in tracked], packed)
 
     def unpacked(self, shared: _Shared) -> list[Tracked]:
         """Take them out."""
-        arrays = [isinstance(column, _Place | np.ndarray) for column in self.fields]
-        columns = [
-            [a.T for a in shared.get(c)] if of_arrays else c for c, of_arrays in zip(self.fields, arrays, strict=True)
-        ]
+        columns = [packed if isinstance(packed, list) else [v.T for v in shared.get(packed)] for packed in self.fields]
         return [Tracked(OdpFrame(*values), orders) for orders, *values in zip(self.orders, *columns, strict=True)]
 
 

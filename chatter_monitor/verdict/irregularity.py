@@ -28,6 +28,8 @@ REPEATED, OF_THE_CUT = 0.5, 2.0
 # back no more; and how many times the share of it that repeats at no other lag either, which a speed that changes
 # leaves as it was.
 LOUDER, BEYOND_LOAD, LESS_ALIKE = 3.0, 5.0, 1.5
+# How far the speed may be from the usual one (natural logarithm): where it changes nothing comes back as it was.
+GLIDES = 0.01
 # Without: how many times as loud; and which part of what repeated still does at most.
 LOUD, STILL_REPEATING = 10.0, 0.6
 # How far it goes up and down from interval to interval (natural logarithm of the power), and how many times as usual.
@@ -49,6 +51,8 @@ class Heard(NamedTuple):
         Natural logarithm of the power.
     back, rest : float
         The same of what comes back after whole rotations, and of what does not; NaN where no rotation is known.
+    speed : float
+        Natural logarithm of the rotation's frequency, likewise.
     repeating : float
         Share of the power that repeats at any lag.
     change : float
@@ -58,6 +62,7 @@ class Heard(NamedTuple):
     level: float
     back: float
     rest: float
+    speed: float
     repeating: float
     change: float
 
@@ -93,7 +98,16 @@ class Irregularity:
         self._usual = []
         self._turned = self._irregular = False
 
-    def hear(self, power: float, recurring: float | None, repeating: float, *, calm: bool, turns: bool) -> float:
+    def hear(
+        self,
+        power: float,
+        recurring: float | None,
+        repeating: float,
+        rotation_hz: float | None,
+        *,
+        calm: bool,
+        turns: bool,
+    ) -> float:
         """Hear an interval of cutting.
 
         Parameters
@@ -102,6 +116,8 @@ class Irregularity:
             Of the signal with what turns.
         recurring, repeating : float
             Share of it that comes back after whole rotations, None where none is known, and that repeats at any lag.
+        rotation_hz : float or None
+            Of the spindle, as far as it is known.
         calm : bool
             Whether there has been no other alarm just now: only what is calm is usual.
         turns : bool
@@ -117,7 +133,8 @@ class Irregularity:
         change = abs(level - self._now[-1].level) if self._now else 0.0
         share = math.nan if recurring is None else recurring
         back, rest = _log(share * power), _log((1.0 - share) * power)
-        self._now.append(Heard(level, back, rest, repeating, change))
+        speed = math.nan if rotation_hz is None else math.log(rotation_hz)
+        self._now.append(Heard(level, back, rest, speed, repeating, change))
         turning, self._turned = turns and self._turned, turns
         if len(self._now) > self._enough:
             past = self._now.popleft()
@@ -155,7 +172,8 @@ def _has_left_the_load(now: Heard, usual: Heard, part: float) -> bool:
     """
     load = now.back - usual.back
     return (  # of numbers that are not known nothing is true
-        usual.back - usual.level >= math.log(REPEATED)
+        abs(now.speed - usual.speed) <= GLIDES
+        and usual.back - usual.level >= math.log(REPEATED)
         and load >= math.log(part)
         and now.rest - usual.rest - max(load, 0.0) >= math.log(part * BEYOND_LOAD)
         and 1.0 - now.repeating >= part * LESS_ALIKE * (1.0 - usual.repeating)

@@ -159,8 +159,8 @@ class Judge:
         odds = 0.0 if suspect is None else suspect.self_excited / max(1.0 - suspect.self_excited, 1e-6)
         undisturbed = memory.calm and not alarm
         repeating = orders.repeating_share
-        shares = orders.recurring_share, repeating
-        times = self._irregularity.hear(evidence.rms**2, *shares, calm=undisturbed, turns=orders.rotation_heard)
+        turning = orders.recurring_share, repeating, orders.rotation_hz
+        times = self._irregularity.hear(evidence.rms**2, *turning, calm=undisturbed, turns=orders.rotation_heard)
         irregular = times > 0.0
         heard = evidence.power, evidence.turning, repeating
         loud = self._loudness.hear(*heard, alarm=alarm or irregular, odds=odds, calm=calm and not irregular)

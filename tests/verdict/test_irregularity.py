@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from chatter_monitor.verdict.irregularity import (
     BEYOND_LOAD,
+    GLIDES,
     LEAST_S,
     LESS_ALIKE,
     LOUD,
@@ -26,12 +29,12 @@ BURST = 4.0  # from interval to interval, up and down
 STILL_LOUD = STILL * LOUD
 
 
-def hear(irregularity, power, intervals, *, recurring=None, repeating=0.9, restless=1.0, **now):
+def hear(irregularity, power, intervals, *, recurring=None, repeating=0.9, restless=1.0, rotation_hz=25.0, **now):
     """Intervals, by number, of an alarm: power swings by so many times about its mean (logarithm)."""
     swing = restless**0.5
     powers = [power * (swing if i % 2 else 1.0 / swing) for i in range(intervals)]
     now = {"calm": True, "turns": True} | now
-    return [i for i, p in enumerate(powers) if irregularity.hear(p, recurring, repeating, **now)]
+    return [i for i, p in enumerate(powers) if irregularity.hear(p, recurring, repeating, rotation_hz, **now)]
 
 
 def calm(*, repeating=0.9, restless=1.0, intervals=ENOUGH + LEAST):
@@ -97,7 +100,7 @@ def test_it_tells_how_loud_it_is():
     irregularity = calm()
     hear(irregularity, 100.0, 20, repeating=0.3, restless=BURST)
     # half of them are double, half half
-    assert irregularity.hear(50.0, None, 0.3, calm=False, turns=False) == pytest.approx(100.0)
+    assert irregularity.hear(50.0, None, 0.3, None, calm=False, turns=False) == pytest.approx(100.0)
 
 
 def test_silence_is_quiet():
@@ -149,6 +152,13 @@ def test_it_begins_only_while_the_spindle_is_heard():
         assert hear(irregularity, intervals=1, turns=False, **now) == []
     assert hear(irregularity, intervals=2, **now) == [1]
     assert len(hear(irregularity, intervals=40, turns=False, **now)) == 40
+
+
+@pytest.mark.parametrize(("slower", "alarm"), [(0.9 * GLIDES, True), (1.1 * GLIDES, False)])
+def test_while_the_speed_changes_nothing_comes_back_as_it_was(slower, alarm):
+    """On its way through a resonance it gets louder as well."""
+    now = {"repeating": 0.6, "rotation_hz": 25.0 * math.exp(-slower), **parts(1.0, 5.0)}
+    assert bool(hear(regular(), intervals=ENOUGH, **now)) is alarm
 
 
 def test_it_goes_on_until_half_of_that_is_left():
