@@ -374,16 +374,16 @@ class OrderTracker:
             combs.sort(key=lambda comb: -sum(line.rms**2 for line in comb[1]))
         (spindle, lines), (other, other_lines) = combs
         other_hz = None if other is None else other.rotation_hz
-        if spindle is not None:
-            source: Source | None = "refined" if self._believed else "found"
-            hertz: float | None = spindle.rotation_hz
-            sd_hz: float | None = spindle.rotation_sd_hz
+        hertz, sd_hz, source = self._from_memory(first_sample)
+        # A comb that has just gone is followed for a while, through noise: what was heard of it is known better.
+        heard = bool(lines) and share > HEARD_SHARE
+        if spindle is not None and (heard or source != "refined"):
+            hertz, sd_hz = spindle.rotation_hz, spindle.rotation_sd_hz
+            source = "refined" if self._believed else "found"
             if self._believed:
-                self._heard = (spindle.rotation_hz, spindle.rotation_sd_hz, first_sample)
-            elif self._may_be_the_spindle(spindle.rotation_hz):
-                self._comb_hz = spindle.rotation_hz
-        else:
-            hertz, sd_hz, source = self._from_memory(first_sample)
+                self._heard = (hertz, sd_hz, first_sample)
+            elif self._may_be_the_spindle(hertz):
+                self._comb_hz = hertz
         repeating, fainter, growth = self._repeating
         fainter |= self._taken_s < self._settings.memory_s and share > MOST
         return Orders(

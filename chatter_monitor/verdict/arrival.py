@@ -7,8 +7,11 @@ alarm, nothing was cut then. Chatter comes out of a cut, and a cut that is heard
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections import deque
+
+from chatter_monitor.kernels.vibrations import FORGOTTEN_CHATTER
 
 # Before an alarm is from so many seconds before it on, but for the last, in which it may have been growing already; at
 # least as many have to be left.
@@ -31,10 +34,14 @@ class Arrival:
         self._growing = round(GROWING_S / interval_s)
         self._alarmed = False
         self._before: float | None = None  # power before the first alarm, if known
+        self._since_alarm = math.inf  # intervals
+        self._began_at_once = False  # whether an alarm has, in the last interval, as the only one that is remembered
 
     def rest(self) -> None:
         """Nothing is cut, or a cut begins."""
         self._past.clear()
+        self._since_alarm += 1
+        self._began_at_once = False
 
     def hear(self, power: float, *, alarm: bool) -> None:
         """Hear an interval of cutting: the power of the signal, and whether it is an alarm."""
@@ -45,6 +52,22 @@ class Arrival:
             before = list(self._past)[: -self._growing]
             self._before = statistics.median(before) if len(before) >= self._growing else None
         self._past.append(power)
+        self._since_alarm += 1
+        self._began_at_once = alarm and self._since_alarm > FORGOTTEN_CHATTER and self._was_calm()
+        if alarm:
+            self._since_alarm = 0
+
+    def began_with_tool(self) -> bool:
+        """Whether a tool that is heard to enter made the alarm that has just begun, the only one that is remembered.
+
+        A tool needs a tenth of a second to enter. What grows has been louder for longer when it is taken for one.
+        """
+        return self._began_at_once
+
+    def _was_calm(self) -> bool:
+        """Whether it was as loud as usual just before this interval."""
+        before = list(self._past)[:-1]
+        return len(before) >= self._growing and before[-1] < AS_LOUD * statistics.median(before)
 
     def came_with_tool(self, power: float) -> bool:
         """Whether an alarm of the last cut came out of what is heard, so loud, without the tool."""

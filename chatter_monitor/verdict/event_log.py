@@ -9,11 +9,10 @@ from chatter_monitor.records import Event, Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict.advice import advise
 from chatter_monitor.verdict.opinion import SAME_VIBRATION
-from chatter_monitor.verdict.reasons import DOUBTED, WITHDRAWN
+from chatter_monitor.verdict.reasons import CAME_WITH_TOOL, DOUBTED, WITHDRAWN
 
 # Advice rests on the speed and the teeth, and neither is what was told, most likely.
 TELL_THE_SPEED = Recommendation((), f"tell the spindle's speed and teeth: {DOUBTED}")
-NOTHING_TO_DO = Recommendation((), f"nothing: {WITHDRAWN}")
 
 
 class EventLog:
@@ -44,10 +43,11 @@ class EventLog:
             return None
         if verdict.state == "unknown":  # deaf for a moment: neither goes on nor ends
             return None
-        return self.finish(verdict.channel, withdrawn=WITHDRAWN in verdict.reasons)
+        withdrawn = [reason for reason in (WITHDRAWN, CAME_WITH_TOOL) if reason in verdict.reasons]
+        return self.finish(verdict.channel, withdrawn=withdrawn[0] if withdrawn else None)
 
-    def finish(self, channel: int, *, withdrawn: bool = False) -> Event | None:
-        """End the event that is under way on a channel, if there is one; it may turn out to have been none."""
+    def finish(self, channel: int, *, withdrawn: str | None = None) -> Event | None:
+        """End the event that is under way on a channel, if there is one; it may turn out to have been none, and why."""
         intervals = self._intervals.pop(channel, [])
         if not intervals:
             return None
@@ -62,8 +62,8 @@ class EventLog:
         usual_hz = statistics.median(hertz for _, hertz in heard)
         lasting = [(damping, hertz) for damping, hertz in heard if abs(hertz - usual_hz) <= SAME_VIBRATION * usual_hz]
         damping_ratio, frequency_hz = min(lasting or heard)
-        if withdrawn:
-            recommendation = NOTHING_TO_DO
+        if withdrawn is not None:
+            recommendation = Recommendation((), f"nothing: {withdrawn}")
         elif DOUBTED in intervals[-1].reasons:
             recommendation = TELL_THE_SPEED
         else:
@@ -79,5 +79,5 @@ class EventLog:
             min_damping_ratio=damping_ratio,
             advice=list(recommendation.speeds),
             remedy=recommendation.text,
-            withdrawn=withdrawn,
+            withdrawn=withdrawn is not None,
         )

@@ -6,6 +6,8 @@ What each vibration is, is followed by `verdict.vibrations`; what an interval is
 
 from __future__ import annotations
 
+import math
+
 from chatter_monitor.kernels.kinds import LOUDER, own_rise
 from chatter_monitor.kernels.vibrations import Rules
 from chatter_monitor.records import Flag, Verdict
@@ -88,10 +90,14 @@ class Judge:
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         elif evidence.entering:
-            self._rest(forget=evidence.alone)
+            by_tool = self._arrival.began_with_tool()
+            self._rest(forget=evidence.alone or by_tool)
             repeating = repeating_share(evidence.orders, Told())
-            memory = memory._replace(told=Told(), repeating=repeating, forced_share=repeating)
+            since_alarm = math.inf if by_tool else memory.since_alarm
+            memory = memory._replace(told=Told(), repeating=repeating, forced_share=repeating, since_alarm=since_alarm)
             view = entering(memory, settings)
+            if by_tool:
+                view = view._replace(reasons=(reasons.CAME_WITH_TOOL, *view.reasons))
         else:
             memory = self._follow(memory, evidence)
             view = self._withdrawn(opinion(evidence, memory, settings), evidence, memory)

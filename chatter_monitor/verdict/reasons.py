@@ -13,6 +13,7 @@ from chatter_monitor.verdict.vibrations import Followed
 DOUBTED = "what turns is not at the spindle speed that was told"
 # Said once, in the interval after an alarm.
 WITHDRAWN = "the alarm is withdrawn, for what it was about came at once and is on an order of what is heard to turn now"
+CAME_WITH_TOOL = "the alarm is withdrawn, for what it was about came at once, and with the tool"
 
 
 def warned(suspect: Followed) -> str:

@@ -253,6 +253,17 @@ def test_a_rotation_that_is_remembered_is_not_heard(spindle):
     assert not any(heard[102:])
 
 
+def test_a_speed_that_wandered_is_remembered_as_it_was_heard_last():
+    """What follows it goes on for a while, through noise, and strays: by 1.7 % here."""
+    t = np.arange(at(8)) / RATE_HZ
+    wandering = comb(8, TURNS_HZ * (1 + 0.006 * np.sin(2 * np.pi * t)), MILLING)
+    _, frames = take_out(np.concatenate((wandering, np.zeros(at(1.4)))) + noise(9.4, 0.03), GIVEN)
+    for frame in frames[162:]:
+        assert frame.source == "refined"
+        assert frame.rotation_hz == pytest.approx(TURNS_HZ, rel=1e-3)
+        assert frame.rotation_sd_hz < 0.004 * TURNS_HZ
+
+
 @pytest.mark.parametrize("off", [0.3, 0.1, 0.05])
 def test_a_vibration_beside_an_order_stays(off):
     """A vibration that starts 0.05 orders beside an order or farther keeps 80 % of its amplitude from the start on."""

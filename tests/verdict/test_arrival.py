@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from chatter_monitor.kernels.vibrations import FORGOTTEN_CHATTER
 from chatter_monitor.verdict.arrival import AS_LOUD, BEFORE_S, GROWING_S, Arrival
 
 INTERVAL_S = 0.05
@@ -40,6 +41,44 @@ def test_chatter_comes_out_of_a_cut():
         hear(arrival, CUT, soon)
         hear(arrival, CHATTER, alarm=True)
         assert not arrival.came_with_tool(CUT)
+
+
+@pytest.mark.parametrize(
+    ("powers", "by_tool"),
+    [
+        ([ROOM, CHATTER], True),
+        ([ROOM, CHATTER, CHATTER], False),  # a tool needs no longer to be heard
+        ([ROOM, 1.01 * AS_LOUD * ROOM, CHATTER], False),  # what grows is louder before it is an alarm
+        ([ROOM, 0.99 * AS_LOUD * ROOM, CHATTER], True),
+        ([ROOM, CHATTER, ROOM], False),  # it is over
+    ],
+)
+def test_an_alarm_that_has_just_begun_is_the_tools_that_enters(powers, by_tool):
+    arrival = Arrival(INTERVAL_S)
+    hear(arrival, ROOM)
+    for power in powers:
+        arrival.hear(power, alarm=power == CHATTER)
+    assert arrival.began_with_tool() is by_tool
+    arrival.rest()
+    assert not arrival.began_with_tool()
+
+
+@pytest.mark.parametrize(("rests", "by_tool"), [(FORGOTTEN_CHATTER - 62, False), (FORGOTTEN_CHATTER, True)])
+def test_what_has_chattered_within_a_minute_may_do_so_again(rests, by_tool):
+    arrival = Arrival(INTERVAL_S)
+    hear(arrival, CHATTER, 1, alarm=True)
+    for _ in range(rests):
+        arrival.rest()
+    hear(arrival, ROOM)
+    hear(arrival, CHATTER, 1, alarm=True)
+    assert arrival.began_with_tool() is by_tool
+
+
+def test_who_has_hardly_listened_knows_of_no_tool():
+    arrival = Arrival(INTERVAL_S)
+    hear(arrival, ROOM, round(GROWING_S / INTERVAL_S) - 1)
+    hear(arrival, CHATTER, 1, alarm=True)
+    assert not arrival.began_with_tool()
 
 
 @pytest.mark.parametrize(("entered_s", "came"), [(1.0, True), (2.0, False)])

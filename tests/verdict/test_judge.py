@@ -19,7 +19,9 @@ from chatter_monitor.tracking.margin_tracker import FRAMES_TO_RENEW
 from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.sidebands import Sidebands
 from chatter_monitor.tracking.spectrum import Line
+from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict import reasons
+from chatter_monitor.verdict.event_log import EventLog
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, Place, Vibration
 from chatter_monitor.verdict.judge import DEAF, Judge
 from chatter_monitor.verdict.opinion import Memory, opinion
@@ -461,6 +463,23 @@ def test_no_alarm_outlasts_what_explains_it(after):
     going_on = states(*onset, *loud)
     assert going_on[-1] == "self_excited"
     assert "self_excited" not in states(*onset, *loud, after, *[evidence(rms=4.0, orders=after.orders)] * 20)[-20:]
+
+
+@pytest.mark.parametrize(("alarms", "is_withdrawn"), [(1, True), (2, False)])
+def test_an_alarm_is_withdrawn_when_a_tool_is_heard_to_enter(alarms, is_withdrawn):
+    """It is heard a moment later; that the line has chattered is not remembered."""
+    room = [evidence(rms=0.1)] * 40
+    begins = [evidence(growing(), rms=4.0)] * alarms
+    enters = [evidence(cutting=False, entering=True, rms=4.0)] * 4
+    goes_on = [evidence(steady(), rms=4.0)] * 40
+    judge, log = Judge(JudgeSettings()), EventLog("test", SpindleSettings())
+    everything = [*room, *begins, *enters, *goes_on]
+    seen = [judge.verdict(e, 640 * i, 640, 12_800.0) for i, e in enumerate(everything)]
+    assert {verdict.state for verdict in seen[40 : 40 + alarms]} == {"self_excited"}
+    assert (reasons.CAME_WITH_TOOL in seen[40 + alarms].reasons) is is_withdrawn
+    assert ("self_excited" in {verdict.state for verdict in seen[40 + alarms :]}) is not is_withdrawn
+    event, *_ = filter(None, map(log.follow, seen))
+    assert event.withdrawn is is_withdrawn
 
 
 @pytest.mark.parametrize(("on_order", "is_withdrawn"), [(True, True), (False, False)])
