@@ -1,8 +1,10 @@
-"""Whether what was an alarm had come with the tool, as it leaves: then it was nothing that grew in a cut.
+"""Whether what was an alarm had come with the tool, as it enters or leaves: then it was nothing that grew in a cut.
 
 A tool that enters its first cut beside a pump, or out of a room that was never heard without it, may be taken for
 chatter, for all that is known. When it leaves there is more to go by: where all is as loud again as it was before the
 alarm, nothing was cut then. Chatter comes out of a cut, and a cut that is heard leaves something quieter behind.
+
+And a tool is heard to enter a moment after it has: an alarm may be sooner.
 """
 
 from __future__ import annotations
