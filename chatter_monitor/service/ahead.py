@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import ctypes
 import math
-import signal
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import fields, replace
-from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import Connection
+from multiprocessing.sharedctypes import RawArray
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
@@ -25,6 +24,7 @@ from chatter_monitor.config import Settings
 from chatter_monitor.errors import EnvironmentFault
 from chatter_monitor.records import OdpFrame
 from chatter_monitor.service.front_ends import FrontEndsHere, Taken
+from chatter_monitor.service.worker import Worker
 from chatter_monitor.tracking.front_end import Tracked
 from chatter_monitor.tracking.orders import Orders
 
@@ -46,31 +46,18 @@ class FrontEndsAhead:
 
     Parameters
     ----------
-    settings : Settings
-        The machine configuration.
-    channels : int
-        How many.
-    source_rate_hz : float
-        Rate at which the signal was sampled before it was converted.
+    settings, channels, source_rate_hz
+        As of `FrontEndsHere`.
     block_samples : int
         Of most blocks, at most; what is longer takes longer.
     """
 
     def __init__(self, settings: Settings, channels: int, source_rate_hz: float, block_samples: int) -> None:
-        context = get_context("spawn")  # threads and compiled code do not survive a fork
         room = round(_SLACK * UNDER_WAY * channels * block_samples)
         frames = _BYTES_OF_SAMPLE + settings.tracker.modes * _BYTES_OF_MODE
-        self._there = _Shared(context.RawArray(ctypes.c_uint8, room * _BYTES_OF_SAMPLE))
-        self._back = _Shared(context.RawArray(ctypes.c_uint8, room * frames))
-        self._pipe, other = context.Pipe()
-        about = settings, channels, source_rate_hz
-        self._process = context.Process(target=_serve, args=(other, self._there, self._back, *about), daemon=True)
-        resource_tracker.ensure_running()  # to start that lets interrupts through again
-        # A terminal interrupts both; the other one inherits that it is not to mind, and who started it ends it.
-        minded = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        self._process.start()
-        signal.pthread_sigmask(signal.SIG_SETMASK, minded)
-        other.close()
+        self._there = _Shared(RawArray(ctypes.c_uint8, room * _BYTES_OF_SAMPLE))
+        self._back = _Shared(RawArray(ctypes.c_uint8, room * frames))
+        self._worker = Worker(_serve, self._there, self._back, settings, channels, source_rate_hz)
 
     def through(self, taken: Iterable[Taken]) -> Iterator[tuple[Taken, list[list[Tracked]]]]:
         """As of `FrontEnds`; raises an `EnvironmentFault` if the process dies."""
@@ -80,33 +67,29 @@ class FrontEndsAhead:
             # other side has to be ready to take it.
             while len(under_way) == UNDER_WAY or (under_way and not self._there.fits(each.block.samples)):
                 yield under_way.popleft(), self._results()
-            with suppress(OSError):  # it has died, which `_results` finds out
-                self._there.begin_message()
-                place = self._there.put([each.block.samples])
-                self._pipe.send((replace(each.block, samples=_NO_SAMPLES), place, each.spindle))
+            self._there.begin_message()
+            place = self._there.put([each.block.samples])
+            self._worker.send((replace(each.block, samples=_NO_SAMPLES), place, each.spindle))
             under_way.append(each)
         while under_way:
             yield under_way.popleft(), self._results()
 
     def finish(self) -> list[list[Tracked]]:
         """As of `FrontEnds`."""
-        with suppress(OSError):
-            self._pipe.send(None)
+        self._worker.send(None)
         return self._results()
 
     def digest(self) -> None:
         """As of `FrontEnds`: nothing, because nobody waits there."""
 
     def _results(self) -> list[list[Tracked]]:
-        try:
-            answer: list[_Intervals] = self._pipe.recv()
-        except (EOFError, OSError) as error:
-            self._process.join()
+        answer: list[_Intervals] | None = self._worker.receive()
+        if answer is None:
             raise EnvironmentFault(
                 "the second process of the replay died",
-                got=f"exit code {self._process.exitcode}",
+                got=f"exit code {self._worker.exit_code}",
                 remedy="Is there enough memory? Replay again.",
-            ) from error
+            )
         self._back.begin_message()
         return [intervals.unpacked(self._back) for intervals in answer]
 
@@ -116,9 +99,7 @@ class FrontEndsAhead:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._process.kill()
-        self._process.join()
-        self._pipe.close()
+        self._worker.stop()
 
 
 class _Place(NamedTuple):

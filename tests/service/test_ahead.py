@@ -126,7 +126,7 @@ def test_every_bit_is_the_same(here, block_samples):
 def test_a_process_that_dies_is_an_error():
     """Whoever waits for it is told so, and does not wait for ever."""
     front_ends = FrontEndsAhead(Settings(), 2, RATE_HZ, BLOCK)
-    os.kill(front_ends._process.pid, signal.SIGKILL)
+    os.kill(front_ends._worker._process.pid, signal.SIGKILL)
     with front_ends, pytest.raises(EnvironmentFault, match="exit code -9"):
         story(front_ends)
 

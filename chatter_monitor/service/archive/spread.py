@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import re
-import signal
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 
 from chatter_monitor.errors import EnvironmentFault, InputError
 from chatter_monitor.service.archive.job import Job, Outcome, work
+from chatter_monitor.service.worker import Worker
 
 # A recording that a worker died at is tried again: it may have been killed for another's memory.
 ATTEMPTS = 3
@@ -36,7 +34,7 @@ def in_processes(jobs: Sequence[Job], processes: int) -> Iterator[Outcome]:
     try:
         while waiting or busy:
             while waiting and len(busy) < processes:
-                while idle and not idle[-1].alive():
+                while idle and not idle[-1].alive:
                     idle.pop().stop()
                 worker = idle.pop() if idle else _Worker()
                 worker.begin(waiting.popleft())
@@ -44,7 +42,7 @@ def in_processes(jobs: Sequence[Job], processes: int) -> Iterator[Outcome]:
             ready = wait(list(busy))
             for worker in [worker for pipe, worker in busy.items() if pipe in ready]:
                 del busy[worker.pipe]
-                outcome = worker.outcome()
+                outcome: Outcome | None = worker.receive()
                 if outcome is not None:
                     idle.append(worker)
                     yield outcome
@@ -60,41 +58,19 @@ def in_processes(jobs: Sequence[Job], processes: int) -> Iterator[Outcome]:
             worker.stop()
 
 
-class _Worker:
-    """A process that does one job after the other. It ends by itself when nobody waits for it any more."""
+class _Worker(Worker):
+    """Does one job after the other."""
 
     def __init__(self) -> None:
-        context = get_context("spawn")  # threads and compiled code do not survive a fork
-        self.pipe, other = context.Pipe()
-        self._process = context.Process(target=_serve, args=(other,), daemon=True)
-        self._process.start()
-        other.close()
+        super().__init__(_serve)
         self.job: Job
-
-    def alive(self) -> bool:
-        return self._process.is_alive()
 
     def begin(self, job: Job) -> None:
         self.job = job
-        with suppress(OSError):  # it has died, which `outcome` finds out
-            self.pipe.send(job)
-
-    def outcome(self) -> Outcome | None:
-        """Outcome of the job; None if the process has died."""
-        try:
-            outcome: Outcome = self.pipe.recv()
-        except (EOFError, OSError):
-            return None
-        return outcome
-
-    def stop(self) -> None:
-        self._process.kill()
-        self._process.join()
-        self.pipe.close()
+        self.send(job)
 
 
 def _serve(pipe: Connection) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal interrupts them all; who started this one ends it
     try:
         while True:
             pipe.send(work(pipe.recv()))
