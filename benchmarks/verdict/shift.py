@@ -81,24 +81,30 @@ def _day(rng: np.random.Generator, cuts: list[Cut]) -> Iterator[Passage]:
     at = 0
     while True:
         cut = cuts[int(rng.integers(len(cuts)))]
-        level = 10 ** rng.uniform(-2.0, -0.7) / float(np.std(cut.samples))
-        pump_hz = float(rng.uniform(80.0, 2500.0)) if rng.random() < 0.2 else None
-        room = Room(float(10 ** rng.uniform(-3.5, -2.5)), float(rng.uniform(0.5, 0.98)), pump_hz, rng.uniform(0.5, 3.0))
+        level, room = level_and_room(rng, cut)
         told = (cut.nominal_rpm, cut.teeth) if rng.random() < ANNOUNCED else None
-        samples = _air(rng, PAUSE_S, blows=False)
+        samples = air(rng, PAUSE_S, blows=False)
         doing = "pause"
         for _ in range(int(rng.integers(10, 60))):
-            samples += _noise(rng, room, at, samples.size)
+            samples += noise(rng, room, at, samples.size)
             yield Passage(samples, doing, told)
             at += samples.size
             told = None
             if doing.startswith("cut"):
-                samples, doing = _air(rng, GAP_S, blows=rng.random() < 0.3), "air"
+                samples, doing = air(rng, GAP_S, blows=rng.random() < 0.3), "air"
             else:
-                samples, doing = _pass(rng, cut, level), f"cut {cut.name}"
+                samples, doing = one_pass(rng, cut, level), f"cut {cut.name}"
 
 
-def _pass(rng: np.random.Generator, cut: Cut, level: float) -> Floats:
+def level_and_room(rng: np.random.Generator, cut: Cut) -> tuple[float, Room]:
+    """Draw by how much a cut is louder in a job than as it was made, and what is heard besides."""
+    level = 10 ** rng.uniform(-2.0, -0.7) / float(np.std(cut.samples))
+    pump_hz = float(rng.uniform(80.0, 2500.0)) if rng.random() < 0.2 else None
+    room = Room(float(10 ** rng.uniform(-3.5, -2.5)), float(rng.uniform(0.5, 0.98)), pump_hz, rng.uniform(0.5, 3.0))
+    return level, room
+
+
+def one_pass(rng: np.random.Generator, cut: Cut, level: float) -> Floats:
     """Return one pass of the tool, with entry and exit: part of a cut, never joined to another part of it."""
     source = cut.samples[round(SETTLING_S * RATE_HZ) :]
     n = min(round(rng.uniform(*PASS_S) * RATE_HZ), source.size)
@@ -111,7 +117,7 @@ def _pass(rng: np.random.Generator, cut: Cut, level: float) -> Floats:
     return np.asarray(vibration)
 
 
-def _air(rng: np.random.Generator, span_s: tuple[float, float], *, blows: bool) -> Floats:
+def air(rng: np.random.Generator, span_s: tuple[float, float], *, blows: bool) -> Floats:
     """Nothing cut, perhaps blows: doors, clamps, chips; each rings a few modes of the machine."""
     samples = np.zeros(round(rng.uniform(*span_s) * RATE_HZ))
     for _ in range(int(rng.integers(1, 5)) if blows else 0):
@@ -123,13 +129,13 @@ def _air(rng: np.random.Generator, span_s: tuple[float, float], *, blows: bool) 
     return samples
 
 
-def _noise(rng: np.random.Generator, room: Room, at: int, n: int) -> Floats:
+def noise(rng: np.random.Generator, room: Room, at: int, n: int) -> Floats:
     """Return fresh noise of the room for the samples from `at` on; its pump keeps its phase."""
     gain = room.noise * np.sqrt(1.0 - room.colour**2)
-    noise = lfilter([gain], [1.0, -room.colour], rng.standard_normal(n + SETTLED))[SETTLED:]
+    heard = lfilter([gain], [1.0, -room.colour], rng.standard_normal(n + SETTLED))[SETTLED:]
     if room.pump_hz is not None:
-        noise += room.noise * room.pump * np.sin(2.0 * np.pi * room.pump_hz / RATE_HZ * np.arange(at, at + n))
-    return np.asarray(noise)
+        heard += room.noise * room.pump * np.sin(2.0 * np.pi * room.pump_hz / RATE_HZ * np.arange(at, at + n))
+    return np.asarray(heard)
 
 
 def main() -> None:

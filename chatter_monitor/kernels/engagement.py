@@ -5,17 +5,15 @@ or that of the room. When the tool leaves the cut it falls at once, and the whol
 so, nothing is being cut. What it falls to next time is learned anew, for a room changes. As long as nothing has fallen
 the tool is taken to be in the cut: who does not know misses nothing. When the room itself gets louder it is taken to be
 in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters. So is what
-begins where nothing but noise was heard, no line and nothing that turns, if it lifts the noise at once as well, or is
-several lines, the highest of them not the lowest: a vibration that grows by itself comes before the noise that it
-makes, and below its overtones. So is what is there at once, noise or not, where lines were faint and nothing repeated,
-or, before the first cut, lifts the noise by far there: growth takes time, and where teeth are heard the tool is in the
-cut, as it is where what got louder within some frames had sounded before.
+begins where nothing but noise was heard, and maybe the one steady tone of a pump, if it lifts the noise at once as
+well, or is several lines: a vibration that grows by itself comes before the noise that it makes, takes nearly all of
+the power, and is below its overtones. So is what is there at once, noise or not: growth takes time. But where a mode
+had sounded, in a machine that rings, it has to be far louder than that, and where teeth were heard the tool is in the
+cut.
 Lines that stay as they were while all else gets louder are a pump's and count as silence, and so they do when the
-whole falls and nothing else is left. A louder tool drowns them: where a told speed was not heard, noise that leaps by
-far more than a lone line lifts it tells. What falls while most of
-what is heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on. Until there is
-enough of that to compare with, the tool has left when all of the signal falls, comb and all, between the lines, too,
-and nothing repeats any more.
+whole falls and nothing else is left. What falls while most of what is heard goes on, fainter, is a cut that gets
+lighter, or one whose comb is taken out from then on. Until there is enough of that to compare with, the tool has left
+when all of the signal falls, comb and all, between the lines, too, and nothing repeats any more.
 
 A tool brings its lines with its noise. Where a line goes on to stand out more and more after the noise of what was
 taken for the first tool to enter has come, that is taken back: it grows by itself, and out of all that was before.
@@ -29,7 +27,7 @@ from numba import njit
 
 from chatter_monitor.kernels.median import median
 from chatter_monitor.kernels.options import OPTIONS, WITHIN
-from chatter_monitor.kernels.prominence import LOBE, TINY, share
+from chatter_monitor.kernels.prominence import LOBE, TINY, crest, share
 from chatter_monitor.kernels.rise import height
 
 DECIBEL = math.log(10.0) / 10.0
@@ -41,19 +39,21 @@ NEAR, FOLLOWING = 4.0 * DECIBEL, 0.02
 FALLING, BEFORE = 4, 16
 # Nothing but noise is heard as long as no line stands out by so much: the highest of 250 bins of noise does by 6 dB.
 NOISE = 7.0 * DECIBEL
-# A lone line with its skirts lifts the level, too, by a sixth of its height at most; a tool that enters by more, and by
-# far more where something hums already.
-LONE, BY_FAR = 0.2, 2.0
+# A lone line with its skirts lifts the level, too, by a sixth of its height at most; a tool that enters by more.
+LONE = 0.2
 # Where no line stood out by so much, a tenth of the power, what is louder by so much within so many transforms is the
 # tool: to grow out of a tenth to that in 25 ms, a vibration would have to grow e-fold in 10 ms.
 FAINT, LEAP, AT_ONCE = 15.0 * DECIBEL, 12.0 * DECIBEL, 2
 # A line is one of several where it has so much of the power, which is enough for chatter, too.
 LOUD = 0.2
+# What grows alone has most of what is so much louder by then.
+MOST = 0.6
+# How near to a multiple of another a line is one, in bins, as a frame tells, if it would hardly be there by chance.
+MULTIPLE, LARGEST_CHANCE = 0.12, 0.1
 # An idle machine may ring, too, but so far below its cut.
 RINGING = 20.0 * DECIBEL
-# Teeth are heard, whether any of their lines stands out or not, where so much of the power repeats; of a pump in the
-# noise of a room no more than so much does.
-TEETH, HUM = 0.2, 0.5
+# Teeth are heard, whether any of their lines stands out or not, where so much of the power repeats.
+TEETH = 0.2
 # What goes on to rise by so much in two frames, out of noise that has come, grows by itself.
 GOES_ON = 10.0 * DECIBEL
 # The tool has entered when the level has not risen by so much in so many frames; it takes a second at most.
@@ -106,21 +106,21 @@ class Signs(NamedTuple):
         Whether the whole became louder at once (`has_leapt`).
     beside : tuple of float
         By how much all has got louder beside a pump, and how far a line of it stands out (`louder_beside_pump`).
-    unheard : bool
-        Whether a speed is told and no spindle is heard at it.
     familiar : bool
         Whether what stands out most by now did so, less, before all got louder (`kernels.hump`).
     several : bool
-        Whether a loud line stands out below the one that does most (`below_the_highest`).
+        Whether several lines have come (`are_several`).
+    quiet : bool
+        Whether nothing was heard above the noise before that, but for a steady tone.
     """
 
     fainter: bool
     pump: bool
     leapt: bool
     beside: tuple[float, float]
-    unheard: bool
     familiar: bool
     several: bool
+    quiet: bool
 
 
 @njit(**OPTIONS)
@@ -204,29 +204,38 @@ def _enters(rings, signs, power_before, head, air, scratch):
     crest = _before(crests, head, air[ALIKE], scratch)
     repeats = _before(rings.repeating, head, air[ALIKE], scratch)
     pump &= crest < math.inf
-    out_of_noise = louder and (rose or signs.several) and crest < NOISE and not signs.familiar
+    quiet = signs.quiet and crest < math.inf
+    out_of_noise = louder and (rose or signs.several) and (crest < NOISE or quiet) and not signs.familiar
     beside_pump = pump and rise >= max(NEAR, LONE * crest_beside)
-    # who has heard the tool leave heard it enter since, too
-    lifts = rose and rise >= LEAP and air[LEVEL] == -math.inf
-    no_ringing = powers[newest] - powers[then] >= RINGING
-    at_once = (signs.leapt and (no_ringing or not signs.familiar)) or (lifts and not signs.familiar)
-    at_once &= (crest < FAINT or pump) and repeats < TEETH
-    by_far = lifts and signs.leapt and rise >= BY_FAR * LONE * crests[newest]
-    by_far &= signs.unheard and not signs.familiar and crest < math.inf and repeats < HUM
-    return out_of_noise or beside_pump or at_once or by_far
+    faint = (crest < FAINT or pump) and repeats < TEETH and powers[newest] - powers[then] >= RINGING
+    return out_of_noise or beside_pump or (signs.leapt and (quiet or faint))
 
 
 @njit(**OPTIONS)
-def below_the_highest(relief, power, total, peaks):
-    """Whether of these bins, the one that stands out most first, another does, too, at a lower frequency, and is loud.
+def are_several(relief, power, total, peaks):
+    """Whether of these bins, the one that stands out most first, several are lines of a tool that has come.
 
-    Teeth bring several lines at once. What grows by itself takes nearly all of the power; its overtones are above it.
+    Two are loud, and none has most of the power; or another stands out, too, at a lower frequency, and is loud, or the
+    first one a multiple of it. Teeth bring several lines at once. What grows by itself takes nearly all of the power;
+    its overtones are above it.
     """
-    found = False
-    for i in range(1, peaks.shape[0]):
-        line = relief[peaks[i]] >= FAINT and share(power, total, peaks[i]) >= LOUD
-        found |= line and peaks[i] < peaks[0]
-    return found
+    loud, most, below = 0, False, False
+    for b in peaks:
+        part = share(power, total, b)
+        loud += part >= LOUD
+        most |= part >= MOST
+        if b < peaks[0]:
+            below |= relief[b] >= FAINT and part >= LOUD
+            below |= relief[b] >= LEAP and _is_multiple(peaks[0] + crest(power, peaks[0]), b + crest(power, b))
+    return below or (loud > 1 and not most)
+
+
+@njit(**OPTIONS)
+def _is_multiple(highest, lower):
+    """Whether a line is at a multiple of another, as it would hardly be by chance; both in bins."""
+    times = round(highest / lower)
+    reach = times * MULTIPLE
+    return times > 1 and 2.0 * reach < LARGEST_CHANCE * lower and abs(highest - times * lower) < reach
 
 
 @njit(**OPTIONS)

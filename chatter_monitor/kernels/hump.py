@@ -1,16 +1,18 @@
-"""Whether what has become loud within some frames was heard before: then it is no tool that enters.
+"""What sounded before all became loud within some frames: whether the tool was in a cut already, or a room was heard.
 
 A mode that will chatter sounds in the noise of the cut already, as a hump of its spectrum, above what is on either
-side. In a room nothing has sounded yet; its noise has a colour, but a slope is no hump. An idle machine may ring, too.
+side. In a room nothing has sounded yet; its noise has a colour, but a slope is no hump. An idle machine may ring, too,
+and a pump or a fan may hum: one steady tone, and no mode beside it, which cutting would have driven.
 """
 
 import math
 
 from numba import njit
 
-from chatter_monitor.kernels.engagement import BEFORE, DECIBEL, FALL, FALLING
+from chatter_monitor.kernels.engagement import BEFORE, DECIBEL, FALL, FALLING, NOISE, STILL
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.prominence import AROUND, LOBE
+from chatter_monitor.kernels.rise import height
 
 # A hump is higher than its sides by so much, four standard deviations of a second of noise, and what has grown out of
 # it by as much more.
@@ -18,8 +20,8 @@ HUMP = 3.0 * DECIBEL
 
 
 @njit(**OPTIONS)
-def grew_out_of_hump(reliefs, powers, totals, lowest, head, scratch):
-    """Whether what stands out most, in a frame that is far louder than the ones before, grew out of a hump of those.
+def what_sounded(reliefs, powers, totals, lowest, head, scratch):
+    """What sounded before a frame that is far louder than the ones before.
 
     Parameters
     ----------
@@ -29,30 +31,69 @@ def grew_out_of_hump(reliefs, powers, totals, lowest, head, scratch):
         Ring: logarithm of the whole power, `engagement.Rings.powers`.
     head : int
         Column after the newest, counted from the start without wrapping.
-    scratch : ndarray, shape (>= 2 (2 LOBE + AROUND) + 1,)
+    scratch : ndarray, shape (>= bins,)
         Work space.
+
+    Returns
+    -------
+    familiar, quiet : bool
+        Whether what stands out most by now grew out of a hump; whether there was none, but for a steady tone that is
+        drowned by now, by noise or by a line elsewhere.
     """
-    columns = totals.shape[0]
+    columns, bins = totals.shape[0], reliefs.shape[0]
     newest = (head - 1) % columns
     if head < FALLING + BEFORE or totals[newest] - totals[(head - 1 - FALLING) % columns] < FALL:
-        return False
-    highest = lowest
-    for b in range(lowest, reliefs.shape[0]):
-        highest = b if reliefs[b, newest] > reliefs[highest, newest] else highest
-    first, last = max(lowest, highest - 2 * LOBE - AROUND), min(reliefs.shape[0], highest + 2 * LOBE + AROUND + 1)
-    before = scratch[: last - first]
+        return False, False
+    before = scratch[lowest:bins]
     before[:] = 0.0
     for back in range(FALLING + 1, FALLING + 1 + BEFORE):
         column = (head - back) % columns
-        for b in range(first, last):
-            before[b - first] += powers[b, column] / BEFORE
-    hump = -math.inf
-    for b in range(max(first, highest - LOBE), min(last, highest + LOBE + 1)):
-        here = b - first
-        below = _mean(before, here - LOBE - AROUND, here - LOBE)
-        above = _mean(before, here + LOBE + 1, here + LOBE + 1 + AROUND)
-        hump = max(hump, before[here] - max(below, above))
-    return HUMP <= hump <= reliefs[highest, newest] - HUMP
+        for b in range(lowest, bins):
+            before[b - lowest] += powers[b, column] / BEFORE
+    highest = loudest = tone = 0
+    for b in range(before.shape[0]):
+        highest = b if reliefs[lowest + b, newest] > reliefs[lowest + highest, newest] else highest
+        loudest = b if powers[lowest + b, newest] > powers[lowest + loudest, newest] else loudest
+        tone = b if _hump(before, b) > _hump(before, tone) else tone
+    grown = _highest_hump(before, max(highest - LOBE, 0), min(highest + LOBE + 1, before.shape[0]))
+    familiar = HUMP <= grown <= reliefs[lowest + highest, newest] - HUMP
+    beside = max(
+        _highest_hump(before, 0, max(tone - LOBE, 0)),
+        _highest_hump(before, min(tone + LOBE + 1, before.shape[0]), before.shape[0]),
+    )
+    stood_out = _hump(before, tone)
+    around = powers[lowest + tone, newest] - reliefs[lowest + tone, newest]
+    drowned = around > before[tone] - NOISE or abs(loudest - tone) > 1
+    hum = drowned and _is_steady(powers, lowest + tone, head - 1 - FALLING)
+    return familiar, max(beside, -math.inf if hum else stood_out) < HUMP
+
+
+@njit(**OPTIONS)
+def _is_steady(powers, b, end):
+    """Whether a bin was as loud in each frame before one, as its standard deviation tells."""
+    mean = square = 0.0
+    for back in range(1, BEFORE + 1):
+        level = height(powers, b, (end - back) % powers.shape[1])
+        mean += level / BEFORE
+        square += level**2 / BEFORE
+    return square - mean**2 < STILL**2
+
+
+@njit(**OPTIONS)
+def _highest_hump(levels, begin, end):
+    """How far the highest hump of a part of the spectrum is above its sides."""
+    highest = -math.inf
+    for b in range(begin, end):
+        highest = max(highest, _hump(levels, b))
+    return highest
+
+
+@njit(**OPTIONS)
+def _hump(levels, b):
+    """How far a bin is above both of its sides."""
+    below = _mean(levels, b - LOBE - AROUND, b - LOBE)
+    above = _mean(levels, b + LOBE + 1, b + LOBE + 1 + AROUND)
+    return levels[b] - max(below, above)
 
 
 @njit(**OPTIONS)

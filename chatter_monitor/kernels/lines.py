@@ -16,7 +16,7 @@ from chatter_monitor.kernels.engagement import (
     SINCE,
     Rings,
     Signs,
-    below_the_highest,
+    are_several,
     engaged,
     fell,
     has_leapt,
@@ -24,7 +24,7 @@ from chatter_monitor.kernels.engagement import (
     louder_beside_pump,
     new_air,
 )
-from chatter_monitor.kernels.hump import grew_out_of_hump
+from chatter_monitor.kernels.hump import what_sounded
 from chatter_monitor.kernels.lanes import as_lanes
 from chatter_monitor.kernels.narrowband import FRAME_HOPS, PARTS, beat, behaviour, put_in_order, variation_beside
 from chatter_monitor.kernels.options import OPTIONS
@@ -145,7 +145,7 @@ def new_state(window: np.ndarray, interval: int, hops: int, frames: int) -> Line
 
 def finding(
     hop: int, lowest: int, state: LineState, peaks: np.ndarray, measures: np.ndarray
-) -> Callable[[np.ndarray, bool, bool, float, float, bool, bool], int]:
+) -> Callable[[np.ndarray, bool, bool, float, float, bool], int]:
     """How the lines of a frame are found.
 
     Parameters
@@ -166,21 +166,20 @@ def finding(
     callable
         Of the frame's samples, contiguous float64, shape (n,), NaN where they are missing; of whether the signal is
         alike to what it was, whether something that turns has been taken out of it, the power with that, which share
-        of this repeats, whether it has got fainter though the tool has not left, and whether a speed is told at which
-        nothing turns. Returns how many lines there are.
+        of this repeats, and whether it has got fainter though the tool has not left. Returns how many lines there are.
     """
-    machine_code = bound(_find, state.window, False, False, 0.0, 0.0, False, False, hop, lowest, state, peaks, measures)
-    return lambda signal, alike, turns, whole, repeating, fainter, unheard: machine_code(
-        signal, alike, turns, whole, repeating, fainter, unheard, hop, lowest, state, peaks, measures
+    machine_code = bound(_find, state.window, False, False, 0.0, 0.0, False, hop, lowest, state, peaks, measures)
+    return lambda signal, alike, turns, whole, repeating, fainter: machine_code(
+        signal, alike, turns, whole, repeating, fainter, hop, lowest, state, peaks, measures
     )
 
 
 @njit(**OPTIONS)
-def _find(signal, alike, turns, whole, repeating, fainter, unheard, hop, lowest, state, peaks, measures):
+def _find(signal, alike, turns, whole, repeating, fainter, hop, lowest, state, peaks, measures):
     if not alike:
         state.counts[ALIKE] = 0
     _take(signal, hop, state)
-    return _follow(hop, lowest, turns, whole, repeating, fainter, unheard, state, peaks, measures)
+    return _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measures)
 
 
 @njit(**OPTIONS)
@@ -223,7 +222,7 @@ def _take(signal, hop, state):
 
 
 @njit(**OPTIONS)
-def _follow(hop, lowest, turns, whole, repeating, fainter, unheard, state, peaks, measures):
+def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measures):
     """Find the most prominent lines of the newest transforms and describe each."""
     spectra, power, reliefs, relief, counts = state.spectra, state.power, state.reliefs, state.relief, state.counts
     if recent_power(spectra, state.valid, counts[TAKEN], FRAME_HOPS, power) == 0:
@@ -249,10 +248,10 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, unheard, state, peaks
         state.powers[b, column] = state.sums[b + 1] - state.sums[b]
     beside = louder_beside_pump(reliefs, state.powers, state.levels, lowest, counts[FRAMES])
     rings = Rings(state.levels, state.totals, state.wholes, state.crests, state.repeating)
-    familiar = grew_out_of_hump(reliefs, state.powers, state.totals, lowest, counts[FRAMES], state.scratch)
-    several = below_the_highest(relief, power, total, peaks[:count])
+    familiar, quiet = what_sounded(reliefs, state.powers, state.totals, lowest, counts[FRAMES], state.sums)
+    several = are_several(relief, power, total, peaks[:count])
     pump = is_pump(reliefs, state.powers, state.crests, lowest, counts[FRAMES])
-    signs = Signs(fainter, pump, leapt, beside, unheard, familiar, several)
+    signs = Signs(fainter, pump, leapt, beside, familiar, several, quiet)
     state.cutting[column] = engaged(rings, signs, counts[FRAMES], state.air, state.scratch)
     low = fell(state.totals, state.wholes, counts[FRAMES], state.air, state.scratch)
     counts[FALLEN] = counts[FALLEN] + 1 if low else 0

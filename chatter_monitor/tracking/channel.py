@@ -146,6 +146,5 @@ def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[NDArr
         whole=orders.power,
         repeating=orders.repeating_share,
         fainter=orders.fainter,
-        unheard=orders.spindle_unheard,
     )
     return found, spectrum.cutting, spectrum.entering, spectrum.alone

@@ -130,7 +130,6 @@ class Spectrum:
         whole: float = 1.0,
         repeating: float = 0.0,
         fainter: bool = False,
-        unheard: bool = False,
     ) -> NDArray[np.float64]:
         """Take the samples of the next frame and return its lines, rows of `Line`, most prominent first.
 
@@ -149,10 +148,8 @@ class Spectrum:
             Share of this that repeats.
         fainter : bool
             Whether it has got fainter and the tool has not left: the cut is lighter, or a comb is taken out of it now.
-        unheard : bool
-            Whether a speed is told and no spindle is heard at it.
         """
-        heard = alike, turns, whole, repeating, fainter, unheard
+        heard = alike, turns, whole, repeating, fainter
         count = self._find(np.ascontiguousarray(signal, np.float64), *heard)
         lines: NDArray[np.float64] = self._measures[:count] * self._units
         return lines

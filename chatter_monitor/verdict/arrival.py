@@ -20,6 +20,8 @@ from chatter_monitor.kernels.vibrations import FORGOTTEN_CHATTER
 BEFORE_S, GROWING_S = 2.0, 0.5
 # What is within so many times the power is as loud.
 AS_LOUD = 2.0
+# A tool enters within a tenth of a second: so many intervals, of which the first may have little of it.
+ENTERING = 2
 
 
 class Arrival:
@@ -67,8 +69,8 @@ class Arrival:
         return self._began_at_once
 
     def _was_calm(self) -> bool:
-        """Whether it was as loud as usual just before this interval."""
-        before = list(self._past)[:-1]
+        """Whether it was as loud as usual just before: a tool may have begun to enter in the interval before this."""
+        before = list(self._past)[:-ENTERING]
         return len(before) >= self._growing and before[-1] < AS_LOUD * statistics.median(before)
 
     def came_with_tool(self, power: float) -> bool:

@@ -1,4 +1,4 @@
-"""Humps of the noise, out of which a vibration has grown."""
+"""What sounded before: humps of the noise, out of which a vibration has grown, and a hum."""
 
 from __future__ import annotations
 
@@ -6,20 +6,31 @@ import numpy as np
 import pytest
 
 from chatter_monitor.kernels.engagement import DECIBEL
-from chatter_monitor.kernels.hump import grew_out_of_hump
+from chatter_monitor.kernels.hump import what_sounded
 
 BINS, LOWEST, FRAMES, HERE = 120, 5, 40, 60
 COLOURS = {"white": np.zeros(BINS), "rumbling": 40.0 * np.exp(-np.arange(BINS) / 15.0)}
 
 
-def grew(before, *, at=HERE, louder=20.0, stands_out=30.0, heard=FRAMES):
-    """Whether a line that stands out at a bin grew out of what was there before, of so many dB in each bin."""
+def sounded(before, *, at=HERE, louder=20.0, stands_out=30.0, heard=FRAMES):
+    """What sounded before a line stood out at a bin, of so many dB in each bin, shape (BINS,) or (BINS, FRAMES)."""
     rng = np.random.default_rng(7)
-    powers = DECIBEL * (before[:, np.newaxis] + rng.standard_normal((BINS, FRAMES)))
+    before = before.reshape(BINS, -1)
+    powers = DECIBEL * (before + rng.standard_normal((BINS, FRAMES)))
     reliefs, totals = np.zeros((BINS, FRAMES)), np.zeros(FRAMES)
     newest = (heard - 1) % FRAMES
     reliefs[at, newest], totals[newest] = DECIBEL * stands_out, DECIBEL * louder
-    return grew_out_of_hump(reliefs, powers, totals, LOWEST, heard, np.zeros(BINS))
+    return what_sounded(reliefs, powers, totals, LOWEST, heard, np.zeros(BINS + 1))
+
+
+def grew(*before, **how):
+    """Whether that line grew out of a hump."""
+    return sounded(*before, **how)[0]
+
+
+def quiet(*before, **how):
+    """Whether there was no hump, but for a steady tone."""
+    return sounded(*before, **how)[1]
 
 
 def hump(decibels, width=3, at=HERE):
@@ -59,3 +70,39 @@ def test_what_is_not_far_louder_is_not_looked_at():
     """Nor is what begins before enough was heard."""
     assert not grew(hump(8.0), louder=6.0)
     assert not grew(hump(8.0), heard=19)
+    assert not quiet(hump(8.0, width=1), louder=6.0)
+    assert not quiet(hump(8.0, width=1), heard=19)
+
+
+@pytest.mark.parametrize("colour", COLOURS)
+@pytest.mark.parametrize("at", [30, HERE, 90])
+def test_a_room_is_noise_and_maybe_a_steady_tone(colour, at):
+    """Of a pump, whatever the colour of the room; where there is a mode, too, something drives it."""
+    tone = COLOURS[colour] + hump(15.0, width=1, at=at)
+    assert quiet(COLOURS[colour])
+    assert quiet(tone, at=at + 10)
+    assert not quiet(tone + hump(8.0, at=at + 15), at=at + 10)
+
+
+@pytest.mark.parametrize(
+    ("louder", "stands_out", "elsewhere", "is_room"),
+    [
+        (10.0, 25.0, 0.0, False),
+        (10.0, 14.0, 0.0, True),  # the noise around it is as loud as that a tone would hardly stand out
+        (10.0, 25.0, 40.0, True),
+    ],
+)
+def test_a_tone_that_is_the_loudest_by_now_and_not_drowned_is_no_pumps(louder, stands_out, elsewhere, is_room):
+    """It grew, or came back. A tool drowns a pump, or is louder somewhere else."""
+    before = np.repeat(hump(15.0, width=1)[:, np.newaxis], FRAMES, axis=1)
+    before[HERE, -1] += louder
+    before[HERE + 2, -1] += elsewhere
+    assert quiet(before, stands_out=stands_out) is is_room
+
+
+@pytest.mark.parametrize(("varies", "is_room"), [(1.0, True), (4.0, False)])
+def test_what_comes_and_goes_is_no_pumps(varies, is_room):
+    """A mode that noise drives does, by several dB."""
+    level = 15.0 + varies * np.random.default_rng(3).standard_normal(FRAMES)
+    line = hump(1.0, width=1)[:, np.newaxis] * level
+    assert quiet(line, at=HERE + 10) is is_room

@@ -189,6 +189,20 @@ def test_a_tool_enters_a_room_in_which_a_pump_hums(enters, hum):
     assert not any(entering[:30] + entering[40:])
 
 
+@pytest.mark.parametrize(("driven", "enters"), [(0.0, True), (0.05, False)])
+def test_a_tool_drowns_a_pump(driven, enters):
+    """A tone in noise is a room's; where a mode was driven beside it something was cut, and what leaps is no tool."""
+    t = times(3.0)
+    before = 0.1 * np.sin(2 * np.pi * 2485.0 * t) + noise(len(t), 0.03) + driven * vibration(len(t), [(900.0, 0.01)])
+    loud = vibration(len(t), [(900.0, 0.02)], seed=4) + noise(len(t), 0.3, seed=2)
+    spectrum, entering = Spectrum(RATE_HZ, INTERVAL), []
+    for first in range(0, len(t), INTERVAL):
+        spectrum.take((before + np.where(t > 1.5, 3.0 * loud, 0.0))[first : first + INTERVAL])
+        entering.append(spectrum.entering)
+    assert any(entering[30:34]) is enters
+    assert not any(entering[:30] + entering[40:])
+
+
 @pytest.mark.parametrize(
     ("hum", "tones", "leaves"), [(0.2, (), True), (0.2, (1640.0,), False), (0.0, (1640.0,), False)]
 )

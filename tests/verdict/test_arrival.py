@@ -48,8 +48,9 @@ def test_chatter_comes_out_of_a_cut():
     [
         ([ROOM, CHATTER], True),
         ([ROOM, CHATTER, CHATTER], False),  # a tool needs no longer to be heard
-        ([ROOM, 1.01 * AS_LOUD * ROOM, CHATTER], False),  # what grows is louder before it is an alarm
-        ([ROOM, 0.99 * AS_LOUD * ROOM, CHATTER], True),
+        ([ROOM, CUT, CHATTER], True),  # it had begun to enter
+        ([ROOM, 1.01 * AS_LOUD * ROOM, CUT, CHATTER], False),  # what grows is louder before it is an alarm
+        ([ROOM, 0.99 * AS_LOUD * ROOM, CUT, CHATTER], True),
         ([ROOM, CHATTER, ROOM], False),  # it is over
     ],
 )
