@@ -9,7 +9,7 @@ import math
 
 from numba import njit
 
-from chatter_monitor.kernels.engagement import BEFORE, DECIBEL, FALL, FALLING, NOISE, STILL
+from chatter_monitor.kernels.engagement import BEFORE, DECIBEL, FALL, FALLING, STILL
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.prominence import AROUND, LOBE
 from chatter_monitor.kernels.rise import height
@@ -63,7 +63,7 @@ def what_sounded(reliefs, powers, totals, lowest, head, scratch):
     )
     stood_out = _hump(before, tone)
     around = powers[lowest + tone, newest] - reliefs[lowest + tone, newest]
-    drowned = around > before[tone] - NOISE or abs(loudest - tone) > 1
+    drowned = around > before[tone] or abs(loudest - tone) > 1
     hum = drowned and _is_steady(powers, lowest + tone, head - 1 - FALLING)
     return familiar, max(beside, -math.inf if hum else stood_out) < HUMP
 
