@@ -78,21 +78,21 @@ def main() -> None:
     every = runs(cuts, given.rooms, given.seed)
     total = 2 * given.rooms * len(cuts)
     heard = list(track(every, "first passes", total=total, console=Console(stderr=True)))
-    table = Table("speed", "room", "first passes", "with an alarm", "intervals in alarm", "of")
+    table = Table("speed", "room", "passes", "with alarms", "intervals", "in alarm")
     for told in (True, False):
         for pump in (False, True):
             of_these = [run for run in heard if run.told == told and run.pump == pump]
             alarmed = sum(run.alarms > 0 for run in of_these)
-            intervals = sum(run.alarms for run in of_these), sum(len(run.states) for run in of_these)
-            names = "told" if told else "unknown", "beside a pump" if pump else "noise alone"
+            intervals = sum(len(run.states) for run in of_these), sum(run.alarms for run in of_these)
+            names = "told" if told else "unknown", "with a pump" if pump else "noise alone"
             table.add_row(*names, *map(str, (len(of_these), alarmed, *intervals)))
     console = Console()
     console.print(table)
     for run in heard:
         if run.alarms:
             console.print(
-                f"{run.alarms} intervals during {run.cut.name}, speed {'told' if run.told else 'unknown'}"
-                f"{', beside a pump' if run.pump else ''}"
+                f"{run.alarms} intervals: {run.cut.name}, speed {'told' if run.told else 'unknown'}"
+                f"{', with a pump' if run.pump else ''}"
             )
 
 
