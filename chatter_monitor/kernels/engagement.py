@@ -26,6 +26,7 @@ import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.median import median
+from chatter_monitor.kernels.multiples import LARGEST_CHANCE, by_chance
 from chatter_monitor.kernels.options import OPTIONS, WITHIN
 from chatter_monitor.kernels.prominence import LOBE, TINY, crest, share
 from chatter_monitor.kernels.rise import height
@@ -41,15 +42,17 @@ FALLING, BEFORE = 4, 16
 NOISE = 7.0 * DECIBEL
 # A lone line with its skirts lifts the level, too, by a sixth of its height at most; a tool that enters by more.
 LONE = 0.2
-# Where no line stood out by so much, a tenth of the power, what is louder by so much within so many transforms is the
-# tool: to grow out of a tenth to that in 25 ms, a vibration would have to grow e-fold in 10 ms.
-FAINT, LEAP, AT_ONCE = 15.0 * DECIBEL, 12.0 * DECIBEL, 2
+# What stands out by less is faint, a tenth of the power of noise at most.
+FAINT = 15.0 * DECIBEL
+# What is louder by so much within so many transforms is the tool: to grow by that out of a tenth of the power in 25 ms,
+# a vibration would have to grow e-fold in 10 ms.
+LEAP, AT_ONCE = 12.0 * DECIBEL, 2
 # A line is one of several where it has so much of the power, which is enough for chatter, too.
 LOUD = 0.2
 # What grows alone has most of what is so much louder by then.
 MOST = 0.6
-# How near to a multiple of another a line is one, in bins, as a frame tells, if it would hardly be there by chance.
-MULTIPLE, LARGEST_CHANCE = 0.12, 0.1
+# How near to a multiple of another a line is one, in bins, as a frame tells; and how far the other has to stand out.
+MULTIPLE, FUNDAMENTAL = 0.12, 12.0 * DECIBEL
 # An idle machine may ring, too, but so far below its cut.
 RINGING = 20.0 * DECIBEL
 # Teeth are heard, whether any of their lines stands out or not, where so much of the power repeats.
@@ -226,7 +229,7 @@ def are_several(relief, power, total, peaks):
         most |= part >= MOST
         if b < peaks[0]:
             below |= relief[b] >= FAINT and part >= LOUD
-            below |= relief[b] >= LEAP and _is_multiple(peaks[0] + crest(power, peaks[0]), b + crest(power, b))
+            below |= relief[b] >= FUNDAMENTAL and _is_multiple(peaks[0] + crest(power, peaks[0]), b + crest(power, b))
     return below or (loud > 1 and not most)
 
 
@@ -234,8 +237,8 @@ def are_several(relief, power, total, peaks):
 def _is_multiple(highest, lower):
     """Whether a line is at a multiple of another, as it would hardly be by chance; both in bins."""
     times = round(highest / lower)
-    reach = times * MULTIPLE
-    return times > 1 and 2.0 * reach < LARGEST_CHANCE * lower and abs(highest - times * lower) < reach
+    hardly = by_chance(times, MULTIPLE, lower) < LARGEST_CHANCE
+    return times > 1 and hardly and abs(highest - times * lower) < times * MULTIPLE
 
 
 @njit(**OPTIONS)

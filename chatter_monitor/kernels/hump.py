@@ -50,22 +50,19 @@ def what_sounded(reliefs, powers, totals, lowest, head, scratch):
         column = (head - back) % columns
         for b in range(lowest, bins):
             before[b - lowest] += powers[b, column] / BEFORE
-    highest = loudest = tone = 0
+    highest = loudest = 0
     for b in range(before.shape[0]):
         highest = b if reliefs[lowest + b, newest] > reliefs[lowest + highest, newest] else highest
         loudest = b if powers[lowest + b, newest] > powers[lowest + loudest, newest] else loudest
-        tone = b if _hump(before, b) > _hump(before, tone) else tone
-    grown = _highest_hump(before, max(highest - LOBE, 0), min(highest + LOBE + 1, before.shape[0]))
+    _, grown = _highest_hump(before, highest - LOBE, highest + LOBE + 1)
     familiar = HUMP <= grown <= reliefs[lowest + highest, newest] - HUMP
-    beside = max(
-        _highest_hump(before, 0, max(tone - LOBE, 0)),
-        _highest_hump(before, min(tone + LOBE + 1, before.shape[0]), before.shape[0]),
-    )
-    stood_out = _hump(before, tone)
+    tone, stood_out = _highest_hump(before, 0, before.shape[0])
+    _, below = _highest_hump(before, 0, tone - LOBE)
+    _, above = _highest_hump(before, tone + LOBE + 1, before.shape[0])
     around = powers[lowest + tone, newest] - reliefs[lowest + tone, newest]
     drowned = around > before[tone] or abs(loudest - tone) > 1
     hum = drowned and _is_steady(powers, lowest + tone, head - 1 - FALLING)
-    return familiar, max(beside, -math.inf if hum else stood_out) < HUMP
+    return familiar, max(below, above, -math.inf if hum else stood_out) < HUMP
 
 
 @njit(**OPTIONS)
@@ -81,11 +78,13 @@ def _is_steady(powers, b, end):
 
 @njit(**OPTIONS)
 def _highest_hump(levels, begin, end):
-    """How far the highest hump of a part of the spectrum is above its sides."""
-    highest = -math.inf
-    for b in range(begin, end):
-        highest = max(highest, _hump(levels, b))
-    return highest
+    """Bin of the highest hump of a part of the spectrum, and how far it is above both of its sides."""
+    place, highest = 0, -math.inf
+    for b in range(max(begin, 0), min(end, levels.shape[0])):
+        hump = _hump(levels, b)
+        if hump > highest:
+            place, highest = b, hump
+    return place, highest
 
 
 @njit(**OPTIONS)

@@ -19,6 +19,7 @@ from chatter_monitor.kernels.kinds import (
     follow,
     likeness,
 )
+from chatter_monitor.kernels.multiples import LARGEST_CHANCE, by_chance
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.rotations import GROWN, NO_MORE
 
@@ -51,7 +52,6 @@ SUSPECT_SHARE = 0.2
 # there as soon.
 MULTIPLES, MULTIPLE_HZ, SURELY_STEADY = 8, 1.5, 0.9
 CARRIED_HZ, LASTED, NEARLY_ALWAYS = 0.7, 5, 0.6
-LARGEST_CHANCE = 0.1
 # Weight of an interval in the average of how often it was.
 OFTEN = 0.2
 # Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
@@ -309,11 +309,11 @@ def _multiple_odds(vibration, line, vibrations, lines):
             continue
         away = abs(line.frequency_hz / times - lower_hz)
         if other.steady >= SURELY_STEADY and away < MULTIPLE_HZ:
-            odds = min(odds, _odds_by_chance(2.0 * times * MULTIPLE_HZ / lower_hz))
+            odds = min(odds, _odds_by_chance(by_chance(times, MULTIPLE_HZ, lower_hz)))
         if other.heard >= LASTED and other.dominance < vibration.dominance:
             fainter = True
             if away < CARRIED_HZ:
-                carried = min(carried, _odds_by_chance(2.0 * times * CARRIED_HZ / lower_hz))
+                carried = min(carried, _odds_by_chance(by_chance(times, CARRIED_HZ, lower_hz)))
     if fainter and vibration.growing + vibration.saturated < 0.5:
         vibration.carried += OFTEN * ((carried < math.inf) - vibration.carried)
     return min(odds, carried) if vibration.carried > NEARLY_ALWAYS else odds
