@@ -36,14 +36,14 @@ def what_sounded(reliefs, powers, totals, lowest, head, scratch):
 
     Returns
     -------
-    familiar, quiet : bool
-        Whether what stands out most by now grew out of a hump; whether there was none, but for a steady tone that is
-        drowned by now, by noise or by a line elsewhere.
+    familiar, mode, quiet : bool
+        Whether what stands out most by now grew out of a hump; whether that came and went, as a mode does that noise
+        drives; whether there was none, but for a steady tone that is drowned by now, by noise or by a line elsewhere.
     """
     columns, bins = totals.shape[0], reliefs.shape[0]
     newest = (head - 1) % columns
     if head < FALLING + BEFORE or totals[newest] - totals[(head - 1 - FALLING) % columns] < FALL:
-        return False, False
+        return False, False, False
     before = scratch[lowest:bins]
     before[:] = 0.0
     for back in range(FALLING + 1, FALLING + 1 + BEFORE):
@@ -54,15 +54,16 @@ def what_sounded(reliefs, powers, totals, lowest, head, scratch):
     for b in range(before.shape[0]):
         highest = b if reliefs[lowest + b, newest] > reliefs[lowest + highest, newest] else highest
         loudest = b if powers[lowest + b, newest] > powers[lowest + loudest, newest] else loudest
-    _, grown = _highest_hump(before, highest - LOBE, highest + LOBE + 1)
+    place, grown = _highest_hump(before, highest - LOBE, highest + LOBE + 1)
     familiar = HUMP <= grown <= reliefs[lowest + highest, newest] - HUMP
+    mode = familiar and not _is_steady(powers, lowest + place, head - 1 - FALLING)
     tone, stood_out = _highest_hump(before, 0, before.shape[0])
     _, below = _highest_hump(before, 0, tone - LOBE)
     _, above = _highest_hump(before, tone + LOBE + 1, before.shape[0])
     around = powers[lowest + tone, newest] - reliefs[lowest + tone, newest]
     drowned = around > before[tone] or abs(loudest - tone) > 1
     hum = drowned and _is_steady(powers, lowest + tone, head - 1 - FALLING)
-    return familiar, max(below, above, -math.inf if hum else stood_out) < HUMP
+    return familiar, mode, max(below, above, -math.inf if hum else stood_out) < HUMP
 
 
 @njit(**OPTIONS)

@@ -44,8 +44,9 @@ BIN, SHARE, PROMINENCE, VARIATION, GROWTH, RISE, LONG_RISE, ABSOLUTE_RISE, COHER
 MEASURES = 11
 
 # Indices of `LineState.counts`: samples and hops taken, frames looked at, those of them that the signal has been alike
-# for, and those since the whole fell, as long as it has not come back.
-SAMPLES, TAKEN, FRAMES, ALIKE, FALLEN = range(5)
+# for, and those since the whole fell, as long as it has not come back; whether what stands out most in the newest has
+# grown out of a mode.
+SAMPLES, TAKEN, FRAMES, ALIKE, FALLEN, GROWN = range(6)
 
 
 class LineState(NamedTuple):
@@ -79,7 +80,7 @@ class LineState(NamedTuple):
         Whether the tool was in the cut in each frame.
     air : ndarray of float64, shape (10,)
         What is known of the air (`kernels.engagement`).
-    counts : ndarray of int64, shape (5,)
+    counts : ndarray of int64, shape (6,)
     sums : ndarray of float64, shape (bins + 1,)
     line : ndarray of float64, shape (PARTS, hops)
         A line by itself (`kernels.narrowband`).
@@ -135,7 +136,7 @@ def new_state(window: np.ndarray, interval: int, hops: int, frames: int) -> Line
         repeating=np.zeros(frames),
         cutting=np.zeros(frames, np.bool_),
         air=new_air(),
-        counts=np.zeros(5, np.int64),
+        counts=np.zeros(6, np.int64),
         sums=np.zeros(bins + 1),
         line=np.zeros((PARTS, hops)),
         columns=np.zeros(frames, np.int64),
@@ -231,6 +232,7 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measure
     column = counts[FRAMES] % frames
     counts[FRAMES] += 1
     counts[ALIKE] += 1
+    counts[GROWN] = 0
     stand_out(power, lowest, state.sums, relief)
     bins = power.shape[0]
     state.levels[column] = (state.sums[bins] - state.sums[lowest]) / (bins - lowest)
@@ -248,7 +250,8 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measure
         state.powers[b, column] = state.sums[b + 1] - state.sums[b]
     beside = louder_beside_pump(reliefs, state.powers, state.levels, lowest, counts[FRAMES])
     rings = Rings(state.levels, state.totals, state.wholes, state.crests, state.repeating)
-    familiar, quiet = what_sounded(reliefs, state.powers, state.totals, lowest, counts[FRAMES], state.sums)
+    familiar, mode, quiet = what_sounded(reliefs, state.powers, state.totals, lowest, counts[FRAMES], state.sums)
+    counts[GROWN] = mode
     several = are_several(relief, power, total, peaks[:count])
     pump = is_pump(reliefs, state.powers, state.crests, lowest, counts[FRAMES])
     signs = Signs(fainter, pump, leapt, beside, familiar, several, quiet)

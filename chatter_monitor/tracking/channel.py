@@ -38,6 +38,8 @@ class Observation:
         Whether it enters the cut just now.
     alone : bool
         Whether of the cut before nothing was heard but lines.
+    grown : bool
+        Whether the first of the lines has grown out of a mode that sounded in the cut before.
     """
 
     odp: OdpFrame
@@ -47,6 +49,7 @@ class Observation:
     margin: Margin
     entering: bool = False
     alone: bool = False
+    grown: bool = False
 
 
 class BackEnd:
@@ -137,8 +140,8 @@ class Channel:
         return self._back.observe(self._front.finish())
 
 
-def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[NDArray[np.float64], bool, bool, bool]:
-    """Lines of a frame; whether the tool is in the cut, enters it, and nothing but lines was heard of the last one."""
+def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[NDArray[np.float64], bool, bool, bool, bool]:
+    """Lines of a frame, and what `Observation` tells of the cut: cutting, entering, alone and grown."""
     found = spectrum.take(
         frame.signal,
         alike=not orders.returned,
@@ -147,4 +150,4 @@ def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[NDArr
         repeating=orders.repeating_share,
         fainter=orders.fainter,
     )
-    return found, spectrum.cutting, spectrum.entering, spectrum.alone
+    return found, spectrum.cutting, spectrum.entering, spectrum.alone, spectrum.grown

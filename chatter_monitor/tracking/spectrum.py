@@ -121,6 +121,11 @@ class Spectrum:
         """Whether of the cut before this air nothing was heard but lines: they came and left with the tool."""
         return bool(self._state.air[ALONE])
 
+    @property
+    def grown(self) -> bool:
+        """Whether the line that stands out most in the newest frame has grown out of a mode (`kernels.hump`)."""
+        return bool(self._state.counts[lines.GROWN])
+
     def take(
         self,
         signal: NDArray[np.float64],

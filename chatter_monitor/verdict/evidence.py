@@ -141,6 +141,8 @@ class Evidence(NamedTuple):
     cutting, entering, alone : bool
         The tool is in the cut, as far as is known; it enters it just now; of the cut before nothing was heard but
         lines.
+    grown : bool
+        The line that stands out most has grown out of a mode that sounded in the cut before.
     held : bool
         No sample of the interval could be adapted to: nothing moves.
     starting : bool
@@ -162,6 +164,12 @@ class Evidence(NamedTuple):
     flags: Flag
     entering: bool = False
     alone: bool = False
+    grown: bool = False
+
+    @property
+    def grown_hz(self) -> float | None:
+        """Frequency of the line that has grown out of a mode, if one has."""
+        return self.vibrations[0].line.frequency_hz if self.grown and len(self.vibrations) else None
 
     @property
     def power(self) -> float:
@@ -197,6 +205,7 @@ def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
         flags=frame.flags,
         entering=observation.entering,
         alone=observation.alone,
+        grown=observation.grown,
     )
 
 

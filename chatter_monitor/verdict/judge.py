@@ -20,6 +20,7 @@ from chatter_monitor.verdict.irregularity import Irregularity
 from chatter_monitor.verdict.level import Level
 from chatter_monitor.verdict.loudness import Loudness
 from chatter_monitor.verdict.opinion import Memory, Opinion, entering, is_undamped, opinion, stands_for
+from chatter_monitor.verdict.origin import Origin
 from chatter_monitor.verdict.probability import Signs, chatter_probability, told_by_vibrations
 from chatter_monitor.verdict.settings import JudgeSettings
 from chatter_monitor.verdict.surge import Surge
@@ -66,6 +67,7 @@ class Judge:
         self._arrival = Arrival(interval_s)
         self._surge = Surge(interval_s)
         self._level = Level(interval_s)
+        self._origin = Origin(interval_s)
         self._withdrawal = Withdrawal()
 
     def set_thresholds(self, settings: JudgeSettings) -> None:
@@ -139,6 +141,7 @@ class Judge:
         """Nothing is cut, or a cut begins: what has chattered in the one before is remembered, if that."""
         self._following.rest(forget=forget)
         self._arrival.rest()
+        self._origin.rest()
         self._surge.rest()
         self._loudness.rest()
         self._irregularity.rest()
@@ -147,7 +150,10 @@ class Judge:
         """What an interval of cutting is called, with a word about the alarm before it if that was wrong."""
         by_line, goes_on = view.state == "self_excited", memory.since_alarm == 0.0
         sources = memory.source, evidence.orders.source
-        if not self._withdrawal.hear(sources, memory.told, by_line=by_line, goes_on=goes_on):
+        alarm = {"by_line": by_line, "goes_on": goes_on}
+        self._origin.hear(evidence.grown_hz, memory.told, is_cut=self._loudness.is_cut, **alarm)
+        outlasts = self._origin.outlasts(evidence.orders)
+        if not self._withdrawal.hear(sources, memory.told, **alarm, outlasts=outlasts):
             return view
         self._following.withdraw()
         self._loudness.forget()
@@ -157,8 +163,9 @@ class Judge:
         """What an interval of cutting is called: how loud it is makes an alarm of a warning, and ends one."""
         told, orders, alarm = memory.told, evidence.orders, view.state == "self_excited"
         chattered = told.chattered
-        found = newly_found(memory.source, orders.source)
-        if not alarm and (found or (chattered is not None and chattered.glided)):  # what turns explains it, or may
+        outlasts = self._origin.outlasts(orders)
+        explained = newly_found(memory.source, orders.source) and not outlasts
+        if not alarm and (explained or (chattered is not None and chattered.glided)):  # by what turns, or it may be
             self._loudness.forget()
         suspect = _grown_suspect(told, unheard=orders.spindle_unheard)
         calm = told.overview.suspicion < self._settings.warning_probability
@@ -169,7 +176,9 @@ class Judge:
         times = self._irregularity.hear(evidence.rms**2, *turning, calm=undisturbed, turns=orders.rotation_heard)
         irregular = times > 0.0
         heard = evidence.power, evidence.turning, repeating
-        loud = self._loudness.hear(*heard, alarm=alarm or irregular, odds=odds, calm=calm and not irregular)
+        loud = self._loudness.hear(
+            *heard, alarm=alarm or irregular, odds=odds, calm=calm and not irregular, outlasts=outlasts
+        )
         if irregular and not alarm:
             return Opinion("self_excited", 1.0, (reasons.irregular(times),), evidence.vibrations.loudest)
         if alarm or not loud:

@@ -77,7 +77,9 @@ class Loudness:
         """Take what is loud as explained: no alarm goes on for it."""
         self._suspected, self._alarmed, self._now, self.rise = 0, 0, None, 0.0
 
-    def hear(self, power: float, turning: float, repeating: float, *, alarm: bool, odds: float, calm: bool) -> bool:
+    def hear(
+        self, power: float, turning: float, repeating: float, *, alarm: bool, odds: float, calm: bool, outlasts: bool
+    ) -> bool:
         """Hear an interval of cutting.
 
         Parameters
@@ -90,18 +92,20 @@ class Loudness:
             Whether a line is an alarm; or none is at all likely to be chatter: only that is usual.
         odds : float
             That what has got louder is chatter; 0 for nothing.
+        outlasts : bool
+            Whether what turns does not explain the alarm, by its `Origin`: all of it may be chatter.
 
         Returns
         -------
         bool
             Whether it is an alarm for its loudness.
         """
-        if self._last and power > LEAP * max(self._last) and not self._is_cut():
+        if self._last and power > LEAP * max(self._last) and not self.is_cut:
             self._since = 0
         self._last.append(power)
         # of a cut that was not heard without an alarm since it leapt nobody knows what turns anyway, or how loud it is
         known = self._since >= self._least
-        caught = turning - AS_TURNING * self._usual_turning if known else 0.0
+        caught = turning - AS_TURNING * self._usual_turning if known or outlasts else 0.0
         with_caught = power + max(caught, 0.0)
         if self._now is None:
             self._now, self._with_caught = power, with_caught
@@ -130,7 +134,8 @@ class Loudness:
                 self.usual, self._usual_turning = self._calm.median, self._turning.median
         return False
 
-    def _is_cut(self) -> bool:
+    @property
+    def is_cut(self) -> bool:
         """Whether what was usual so far is a cut's."""
         return len(self._repeating) >= self._least and self._repeating.median >= REPEATED
 

@@ -33,9 +33,14 @@ def grew(*before, **how):
     return sounded(*before, **how)[0]
 
 
+def mode(*before, **how):
+    """Whether that came and went."""
+    return sounded(*before, **how)[1]
+
+
 def quiet(*before, **how):
     """Whether there was no hump, but for a steady tone."""
-    return sounded(*before, **how)[1]
+    return sounded(*before, **how)[2]
 
 
 def hump(decibels, width=3, at=HERE):
@@ -113,3 +118,13 @@ def test_what_comes_and_goes_is_no_pumps(varies, is_room):
     level = 15.0 + varies * np.random.default_rng(3).standard_normal(FRAMES)
     line = hump(1.0, width=1)[:, np.newaxis] * level
     assert quiet(line, at=HERE + 10, power=50.0) is is_room
+
+
+@pytest.mark.parametrize(("varies", "is_mode"), [(1.0, False), (4.0, True)])
+def test_what_comes_and_goes_is_a_mode_and_no_force(varies, is_mode):
+    """A line that something forces was steady before it grew; where nothing sounded there was no mode."""
+    level = 15.0 + varies * np.random.default_rng(3).standard_normal(FRAMES)
+    line = hump(1.0, width=1)[:, np.newaxis] * level
+    assert grew(line)
+    assert mode(line) is is_mode
+    assert not mode(line, at=HERE + 12)

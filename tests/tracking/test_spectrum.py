@@ -248,6 +248,21 @@ def test_what_sets_in_at_once_where_a_mode_had_sounded_has_risen(sounded):
     assert (min(line.long_rise, line.absolute_rise) > 0.8) is sounded
 
 
+@pytest.mark.parametrize("before", ["mode", "tone", "nothing"])
+def test_what_grows_out_of_a_mode_is_told_from_a_force_that_gets_louder(before):
+    """A mode comes and goes as noise drives it; a force is steady."""
+    t = times(3.0)
+    tone = np.sin(2 * np.pi * 1010.0 * t)
+    sounds = {"mode": vibration(len(t), [(1010.0, 0.01)], seed=5), "tone": np.sqrt(2.0) * tone, "nothing": 0.0 * t}
+    signal = 0.3 * sounds[before] + 10.0 * np.clip((t - 1.5) / 0.05, 0.0, 1.0) * tone + noise(len(t), 1.0)
+    spectrum, grown = Spectrum(RATE_HZ, INTERVAL), []
+    for first in range(0, 40 * INTERVAL, INTERVAL):
+        named(spectrum, signal[first : first + INTERVAL])
+        grown.append(spectrum.grown)
+    assert not any(grown[:30])
+    assert any(grown[30:34]) is (before == "mode")
+
+
 def test_lines_come_most_prominent_first():
     """Of two tones the stronger one is first, and they are told apart."""
     t = times(1.0)

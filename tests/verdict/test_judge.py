@@ -66,6 +66,7 @@ def evidence(*vibrations, critical=None, orders=UNKNOWN_SPEED, margin=NO_MARGIN,
         rms=rms,
         flags=flags,
         entering=about.get("entering", False),
+        grown=about.get("grown", False),
     )
 
 
@@ -800,3 +801,18 @@ def test_a_speed_that_is_not_believed_is_told_of_while_something_is_cut():
         assert (verdict.state == "idle") is quiet
         assert (reasons.DOUBTED in verdict.reasons) is not quiet
     assert reasons.DOUBTED not in judge.verdict(evidence(steady()), 0, 640, 12800.0).reasons
+
+
+@pytest.mark.parametrize(
+    ("grown", "overtones", "outlasts"), [(True, True, True), (True, False, False), (False, True, False)]
+)
+def test_no_comb_of_a_vibration_itself_explains_it(grown, overtones, outlasts):
+    """It is taken out then, line and all; but it had grown out of a mode, and nothing else turns."""
+    beside = OrderLine(2, 2.0 * HZ, 0.1) if overtones else OrderLine(7, 165.6, 0.3)
+    order, rotation_hz = (1, HZ) if overtones else (45, HZ / 45.0)
+    found = Orders(0, rotation_hz, 0.01, "found", 0.95, (OrderLine(order, HZ, 0.9), beside))
+    onset = [evidence(growing(), rms=8.0, grown=grown)] * 3 + [evidence(growing(), rms=8.0)] * 20
+    taken_out = [evidence(steady(on_order=True, share=0.1), orders=found, rms=8.0)] * 100
+    seen = states(*[CALM] * 40, *onset, *taken_out)
+    assert set(seen[50:60]) == {"self_excited"}
+    assert (set(seen[-40:]) == {"self_excited"}) is outlasts

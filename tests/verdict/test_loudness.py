@@ -26,7 +26,7 @@ SUSPICIOUS = {"odds": 1.0, "calm": False}
 
 def hear(loudness, power, intervals=40, *, turning=0.0, repeating=0.0, **heard):
     """In how many intervals of that power it is an alarm for its loudness."""
-    heard = {"alarm": False, "odds": 0.0, "calm": True} | heard
+    heard = {"alarm": False, "odds": 0.0, "calm": True, "outlasts": False} | heard
     return sum(loudness.hear(power, turning, repeating, **heard) for _ in range(intervals))
 
 
@@ -70,6 +70,13 @@ def test_of_a_cut_that_began_with_an_alarm_nobody_knows_what_turns():
     loudness = after(alarm=0)
     hear(loudness, 2.0 * LEAP, TELLING, alarm=True)
     assert hear(loudness, 1.0, 40, turning=2.0 * LEAP) < 20
+
+
+def test_of_what_grew_out_of_a_mode_all_may_be_chatter():
+    """However quickly it came, it came in the same cut, in which nothing turned as loud."""
+    loudness = after(alarm=0)
+    hear(loudness, 2.0 * LEAP, TELLING, alarm=True)
+    assert hear(loudness, 1.0, 400, turning=2.0 * LEAP, outlasts=True) == 400
 
 
 def test_what_turns_begins_no_alarm():

@@ -21,9 +21,20 @@ def told(*, alarm=False, place=SURELY_ON - 1.0, climbed=0.0, over=0, others=()):
     return Told(vibrations=vibrations)
 
 
-def withdrawn(before, after, *, climbed=0.0, **at_the_end):
+class Alarm(Withdrawal):
+    """One that what turns does not explain, or may."""
+
+    def __init__(self, *, outlasts=False):
+        super().__init__()
+        self._outlasts = outlasts
+
+    def hear(self, *args, **alarm):
+        return super().hear(*args, **alarm, outlasts=self._outlasts)
+
+
+def withdrawn(before, after, *, climbed=0.0, outlasts=False, **at_the_end):
     """Whether an alarm that begins with the former speed is withdrawn when its line makes none, with the latter."""
-    withdrawal = Withdrawal()
+    withdrawal = Alarm(outlasts=outlasts)
     assert not withdrawal.hear((before, before), Told(), by_line=False, goes_on=False)
     assert not withdrawal.hear((before, before), told(alarm=True, climbed=climbed), by_line=True, goes_on=False)
     assert not withdrawal.hear((before, after), told(alarm=True, climbed=climbed), by_line=True, goes_on=True)
@@ -67,9 +78,15 @@ def test_what_climbed_was_no_force_that_set_in(climbed, is_withdrawn):
     assert withdrawn(GIVEN, REFINED, climbed=climbed) is is_withdrawn
 
 
+def test_what_grew_out_of_a_mode_was_no_force_that_set_in():
+    """However quickly it came, the mode had sounded in the cut."""
+    assert not withdrawn(NONE, FOUND, outlasts=True)
+    assert withdrawn(NONE, FOUND)
+
+
 def test_each_alarm_has_a_beginning_of_its_own():
     """What was heard in the one before says nothing of the next."""
-    withdrawal = Withdrawal()
+    withdrawal = Alarm()
     climbed = told(alarm=True, climbed=2.0 * CLIMB)
     withdrawal.hear((GIVEN, GIVEN), climbed, by_line=True, goes_on=False)
     withdrawal.hear((GIVEN, REFINED), climbed, by_line=True, goes_on=True)
