@@ -44,7 +44,7 @@ class Run:
 
 def first_pass(cut: Cut, rng: np.random.Generator) -> tuple[list[Passage], bool]:
     """A pause, a pass and the air after it; and whether a pump hums all along."""
-    level, room = level_and_room(rng, cut)
+    level, room = level_and_room(rng, cut.samples)
     parts = (air(rng, PAUSE_S, blows=False), one_pass(rng, cut, level), air(rng, AFTER_S, blows=False))
     passages, at = [], 0
     for samples, doing in zip(parts, ("pause", cut.name, "air"), strict=True):

@@ -81,7 +81,7 @@ def _day(rng: np.random.Generator, cuts: list[Cut]) -> Iterator[Passage]:
     at = 0
     while True:
         cut = cuts[int(rng.integers(len(cuts)))]
-        level, room = level_and_room(rng, cut)
+        level, room = level_and_room(rng, cut.samples)
         told = (cut.nominal_rpm, cut.teeth) if rng.random() < ANNOUNCED else None
         samples = air(rng, PAUSE_S, blows=False)
         doing = "pause"
@@ -96,9 +96,9 @@ def _day(rng: np.random.Generator, cuts: list[Cut]) -> Iterator[Passage]:
                 samples, doing = one_pass(rng, cut, level), f"cut {cut.name}"
 
 
-def level_and_room(rng: np.random.Generator, cut: Cut) -> tuple[float, Room]:
+def level_and_room(rng: np.random.Generator, samples: Floats) -> tuple[float, Room]:
     """Draw by how much a cut is louder in a job than as it was made, and what is heard besides."""
-    level = 10 ** rng.uniform(-2.0, -0.7) / float(np.std(cut.samples))
+    level = 10 ** rng.uniform(-2.0, -0.7) / float(np.std(samples))
     pump_hz = float(rng.uniform(80.0, 2500.0)) if rng.random() < 0.2 else None
     room = Room(float(10 ** rng.uniform(-3.5, -2.5)), float(rng.uniform(0.5, 0.98)), pump_hz, rng.uniform(0.5, 3.0))
     return level, room
@@ -111,10 +111,16 @@ def one_pass(rng: np.random.Generator, cut: Cut, level: float) -> Floats:
     start = int(rng.integers(source.size - n + 1))
     vibration = lfilter([1.0, rng.uniform(-0.3, 0.3)], [1.0], source[start : start + n])
     vibration *= level * rng.uniform(0.7, 1.4) * rng.choice((-1.0, 1.0))
+    return enter_and_leave(rng, vibration)
+
+
+def enter_and_leave(rng: np.random.Generator, vibration: Floats) -> Floats:
+    """Return a vibration as of a tool that enters and leaves."""
+    faded = vibration.copy()
     for end in (slice(None), slice(None, None, -1)):
         fade = round(rng.uniform(*FADE_S) * RATE_HZ)
-        vibration[end][:fade] *= np.linspace(0.0, 1.0, fade)
-    return np.asarray(vibration)
+        faded[end][:fade] *= np.linspace(0.0, 1.0, fade)
+    return faded
 
 
 def air(rng: np.random.Generator, span_s: tuple[float, float], *, blows: bool) -> Floats:

@@ -65,13 +65,15 @@ STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 # Indices of what is known of the air: its level, the logarithm of the power that it does not reach, that of the cut
 # before it, and frames since it ended, those in which the tool enters and all; frames since the cut has got lighter;
 # whether the cut before it was no louder between the lines; the whole power before it fell, as long as it has not
-# come back, without what turns and with it; and that with what turns which it does not reach, if beside a pump.
-LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, ALONE, RESIDUAL, WHOLE, WHOLE_LIMIT = range(10)
+# come back, without what turns and with it; that with what turns which it does not reach, if beside a pump; and the
+# power of this cut where it was lightest.
+LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, ALONE, RESIDUAL, WHOLE, WHOLE_LIMIT, LIGHTEST = range(11)
 
 
 def new_air():
     """Nothing is known of it; the tool is in the cut."""
-    return np.array([-math.inf, -math.inf, -math.inf, LONGEST, math.inf, 0.0, 0.0, -math.inf, -math.inf, math.inf])
+    known = {ENTERED: LONGEST, SINCE: math.inf, ALIKE: 0.0, ALONE: 0.0, WHOLE_LIMIT: math.inf, LIGHTEST: math.inf}
+    return np.array([known.get(index, -math.inf) for index in range(LIGHTEST + 1)])
 
 
 class Rings(NamedTuple):
@@ -136,7 +138,7 @@ def engaged(rings, signs, head, air, scratch):
     signs : Signs
     head : int
         Column of the rings after the newest, counted from the start without wrapping.
-    air : ndarray of float64, shape (10,)
+    air : ndarray of float64, shape (11,)
         What is known of the air, changed in place.
     scratch : ndarray, shape (>= BEFORE,)
         Work space.
@@ -152,6 +154,8 @@ def engaged(rings, signs, head, air, scratch):
         air[LEVEL] += (level - air[LEVEL]) * (1.0 if level < air[LEVEL] else FOLLOWING)
     elif air[ALIKE] >= FALLING + BEFORE // 2:
         power_before = _before(powers, head, air[ALIKE], scratch)
+        if air[SINCE] >= FALLING + BEFORE:
+            air[LIGHTEST] = min(air[LIGHTEST], power_before)
         fell_between = _fallen(levels, head, air[ALIKE], scratch)
         only_noise = max(rings.crests[newest], rings.crests[last]) < NOISE
         only_noise &= max(power, powers[last]) <= power_before - FALL
@@ -160,7 +164,8 @@ def engaged(rings, signs, head, air, scratch):
             out = not signs.fainter
             air[ALIKE] = air[ALIKE] if out else 0.0
         if out:
-            air[LEVEL], air[LIMIT], air[CUT] = level, max(power_before - FALL, power + NEAR), power_before
+            air[CUT] = min(air[LIGHTEST], power_before)
+            air[LEVEL], air[LIMIT] = level, max(air[CUT] - FALL, power + NEAR)
             # beside a pump the noise may have fallen by so little that a cut whose comb is taken out is as quiet
             air[WHOLE_LIMIT] = math.inf if fell_between or only_noise else whole + NEAR
             air[ALONE] = not fell_between
@@ -177,6 +182,8 @@ def engaged(rings, signs, head, air, scratch):
     if out:
         air[ENTERED] = air[SINCE] = 0.0
         return False
+    if air[SINCE] == 0.0:
+        air[LIGHTEST] = math.inf
     air[SINCE] += 1.0
     if air[ENTERED] < LONGEST:
         air[ENTERED] += 1.0
@@ -200,7 +207,9 @@ def _enters(rings, signs, power_before, head, air, scratch):
     rise, (louder_beside, crest_beside) = levels[newest] - levels[then], signs.beside
     pump = louder_beside >= FALL
     rose = louder and rise >= max(NEAR, LONE * crests[newest])
-    if rose and power_before <= air[CUT] - FALL:
+    if air[CUT] > -math.inf and power_before > air[CUT] - FALL:
+        return False
+    if rose and air[CUT] > -math.inf:
         return True
     if not (louder or pump):
         return False

@@ -2,7 +2,8 @@
 
 A mode close to its limit is driven by noise, too: it doubles its amplitude in a moment, as chatter does, and loses it
 again. Nothing tells the next swing from the onset of chatter but the swings before. So for every range of frequencies
-the highest amplitude is kept that went down to half by itself, without an alarm. What is no louder has not risen.
+the highest amplitude is kept that went down to half by itself, without an alarm. What is no louder has not risen. But
+what swings in a cut that chatters there later on was on its way to that, and says nothing of the next cut.
 """
 
 import math
@@ -35,8 +36,8 @@ class SwingState(NamedTuple):
 
     Attributes
     ----------
-    highest : ndarray of float64, shape (RANGES,)
-        Of what came down by itself; counts.
+    highest, here : ndarray of float64, shape (RANGES,)
+        Of what came down by itself in the cuts before, and in this one; counts.
     lately, before : ndarray of float64, shape (RANGES,)
         The same within the last up to `LATER` intervals, and within as many before those; does not count yet.
     crest, now : ndarray of float64, shape (RANGES,)
@@ -47,6 +48,7 @@ class SwingState(NamedTuple):
     """
 
     highest: np.ndarray
+    here: np.ndarray
     lately: np.ndarray
     before: np.ndarray
     crest: np.ndarray
@@ -56,12 +58,12 @@ class SwingState(NamedTuple):
 
 def new_swings() -> SwingState:
     """Nothing has been heard."""
-    highest, lately, before, crest, now = np.full((5, RANGES), -math.inf)
-    return SwingState(highest, lately, before, crest, now, np.zeros(1, np.int64))
+    highest, here, lately, before, crest, now = np.full((6, RANGES), -math.inf)
+    return SwingState(highest, here, lately, before, crest, now, np.zeros(1, np.int64))
 
 
 @njit(**OPTIONS)
-def hold_back(heard, power, usual, calm, state):
+def hold_back(heard, power, usual, calm, vibrations, state):
     """Let no line have risen by more than it is beyond earlier swings, and learn from an interval.
 
     Parameters
@@ -73,12 +75,18 @@ def hold_back(heard, power, usual, calm, state):
         not known.
     calm : bool
         Whether there is no alarm, and was none just now.
+    vibrations : ndarray of VIBRATION, shape (m,)
+        Those that are followed, for which of them have chattered.
     state : SwingState
         Changed in place.
     """
     for i in range(RANGES):
         state.highest[i] -= FORGETTING
+        state.here[i] -= FORGETTING
     _count_later(state)
+    for i in range(vibrations.shape[0]):
+        if vibrations[i].chattered:
+            _forget_onset(vibrations[i].frequency_hz, state)
     if not calm:
         forget_the_last(state)
     for i in range(RANGES):
@@ -89,9 +97,9 @@ def hold_back(heard, power, usual, calm, state):
         if not here > 0.0:
             continue
         amplitude = 0.5 * math.log(here)
-        place = min(max(int(math.log(line[HERTZ] / LOWEST_HZ) / WIDTH), 0), RANGES - 1)
+        place = _place(line[HERTZ])
         if not (usual > 0.0 and here > BEYOND * usual):
-            _limit(line, LOUDER + amplitude - _around(state.highest, place))
+            _limit(line, LOUDER + amplitude - max(_around(state.highest, place), _around(state.here, place)))
         if calm:
             state.now[place] = max(state.now[place], amplitude)
             state.crest[place] = max(state.crest[place], amplitude)
@@ -99,6 +107,29 @@ def hold_back(heard, power, usual, calm, state):
         if _around(state.now, i) < state.crest[i] - DOWN:
             state.lately[i] = max(state.lately[i], state.crest[i])
             state.crest[i] = state.now[i]
+
+
+@njit(**OPTIONS)
+def _place(hertz):
+    """The range of a frequency."""
+    return min(max(int(math.log(hertz / LOWEST_HZ) / WIDTH), 0), RANGES - 1)
+
+
+@njit(**OPTIONS)
+def _forget_onset(hertz, state):
+    """What swung in this cut where it has chattered was how that began, or goes on."""
+    place = _place(hertz)
+    for i in range(max(place - 1, 0), min(place + 2, RANGES)):
+        state.here[i] = state.lately[i] = state.before[i] = state.crest[i] = state.now[i] = -math.inf
+
+
+@njit(**OPTIONS)
+def end_cut(state):
+    """The tool leaves: what is heard by now does not come down by itself, and what did counts for the next cut."""
+    for i in range(RANGES):
+        state.highest[i] = max(state.highest[i], state.here[i])
+        state.here[i] = -math.inf
+    forget_the_last(state)
 
 
 @njit(**OPTIONS)
@@ -114,7 +145,7 @@ def _count_later(state):
     state.clock[0] += 1
     if state.clock[0] % LATER == 0:
         for i in range(RANGES):
-            state.highest[i] = max(state.highest[i], state.before[i])
+            state.here[i] = max(state.here[i], state.before[i])
             state.before[i] = state.lately[i]
             state.lately[i] = -math.inf
 

@@ -26,7 +26,7 @@ class KnownOrders:
     def __init__(self) -> None:
         self._power = np.zeros(MOST_ORDERS + 1)
 
-    def hear(self, orders: Orders, power: float) -> NDArray[np.float64]:
+    def hear(self, orders: Orders, power: float, *, calm: bool = True) -> NDArray[np.float64]:
         """Take note of an interval.
 
         Parameters
@@ -35,6 +35,8 @@ class KnownOrders:
             What turned in it.
         power : float
             Of all that is left.
+        calm : bool
+            Whether there is no alarm, and was none just now: chatter catches on the teeth, and is taken out with them.
 
         Returns
         -------
@@ -49,7 +51,7 @@ class KnownOrders:
             for line in orders.lines:
                 now[line.order] = line.rms**2
             self._power -= FORGETTING * self._power
-            if orders.spindle_heard:
+            if orders.spindle_heard and calm:
                 np.maximum(self._power, now, out=self._power)
             missed = self._power - now
             taken += [

@@ -20,7 +20,7 @@ from chatter_monitor.kernels.binding import bound
 from chatter_monitor.kernels.heard import FIELDS
 from chatter_monitor.kernels.kinds import LINE, Kinds
 from chatter_monitor.kernels.overview import NONE, Overview
-from chatter_monitor.kernels.swings import forget_the_last, hold_back, new_swings
+from chatter_monitor.kernels.swings import end_cut, hold_back, new_swings
 from chatter_monitor.kernels.testimony import witness
 from chatter_monitor.kernels.vibrations import (
     CALMED,
@@ -164,8 +164,8 @@ class Following:
     def __init__(self) -> None:
         self._orders = KnownOrders()
         self._swings = new_swings()
-        self._hold_back = bound(hold_back, np.empty((0, FIELDS)), 0.0, 0.0, True, self._swings)
-        self._forget_the_last = bound(forget_the_last, self._swings)
+        self._hold_back = bound(hold_back, np.empty((0, FIELDS)), 0.0, 0.0, True, NO_VIBRATIONS, self._swings)
+        self._end_cut = bound(end_cut, self._swings)
         self._known = 0  # of the vibrations, the most suspicious first; behind them there is room for more
         self._vibrations, self._work = np.empty((2, ROOM), VIBRATION)
         self._lines, self._taken = np.empty(ROOM, LINE), np.empty(ROOM, np.bool_)
@@ -178,8 +178,8 @@ class Following:
     def follow(self, evidence: Evidence, rules: Rules, usual: float = 0.0, *, calm: bool = True) -> Told:
         """Follow them through another interval, of a cut that usually has so much power, and is calm or in alarm."""
         heard = evidence.vibrations.copy()
-        self._hold_back(heard.table, evidence.power, usual, calm, self._swings)
-        taken = self._orders.hear(evidence.orders, evidence.power)
+        self._hold_back(heard.table, evidence.power, usual, calm, self._vibrations[: self._known], self._swings)
+        taken = self._orders.hear(evidence.orders, evidence.power, calm=calm)
         self._make_room(len(heard))
         self._known, overview = self._another_interval(
             *(self._vibrations, self._known, _testimony(evidence._replace(vibrations=heard), taken, usual), rules),
@@ -201,7 +201,7 @@ class Following:
 
     def rest(self, *, forget: bool = False) -> None:
         """Remember, while nothing is cut, only which vibrations have chattered; or forget those, too."""
-        self._forget_the_last(self._swings)
+        self._end_cut(self._swings)
         known = self._vibrations[: 0 if forget else self._known]
         known = known[known["chattered"] & (known["over"] < FORGOTTEN_CHATTER)]
         for name, probability in zip(Kinds._fields, CALMED, strict=True):

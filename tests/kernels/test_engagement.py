@@ -103,6 +103,22 @@ def test_what_was_far_fainter_than_a_cut_is_entered_when_the_noise_rises(rise, e
     assert (not all(after)) is enters
 
 
+def test_what_is_as_loud_as_the_cut_before_was_is_the_cut():
+    """Where it was lightest, before it chattered: what gets far louder then is no tool that enters."""
+    calm, chatters = cut(60), (40, CUT + 8.0, CUT + LOUD + 20.0, STANDS_OUT)
+    again = told(calm, chatters, room(60), calm, chatters, columns=400)[160:]
+    assert all(again[5:])
+
+
+@pytest.mark.parametrize("heard_before", [True, False])
+def test_nor_does_what_begins_out_of_nothing_but_noise_enter_such_a_cut(heard_before):
+    """A cut in which no mode stands out is heard by how loud it is, if one has been heard before."""
+    calm, louder = (60, CUT, CUT + LOUD, NOISE), (40, CUT + 6.0, CUT + LOUD + 10.0, NOISE)
+    before = (calm, room(60)) if heard_before else ()
+    after = told(*before, calm, louder, columns=400)
+    assert all(after[len(after) - 95 :]) is heard_before
+
+
 @pytest.mark.parametrize(
     ("crest", "louder", "enters"),
     [(NOISE, 12.0, True), (10.0, 12.0, False), (NOISE, 6.0, False)],  # a mode sounded before; hardly louder

@@ -10,19 +10,21 @@ import pytest
 from chatter_monitor.kernels.heard import FIELDS, HERTZ
 from chatter_monitor.kernels.kinds import LOUDER
 from chatter_monitor.kernels.lines import ABSOLUTE_RISE, ARRIVAL, LONG_RISE, NEWS, RISE, SHARE
-from chatter_monitor.kernels.swings import BEYOND, DOWN, LATER, forget_the_last, hold_back, new_swings
+from chatter_monitor.kernels.swings import BEYOND, DOWN, LATER, end_cut, forget_the_last, hold_back, new_swings
+from chatter_monitor.kernels.vibrations import VIBRATION
 
 RISES = [RISE, LONG_RISE, ABSOLUTE_RISE, NEWS, ARRIVAL]
 RISEN = 3.0  # what the spectrum tells of every line here
 LONG_ENOUGH = 2 * LATER
 HERTZ_HERE = 1266.0
+NONE = np.empty(0, VIBRATION)
 
 
-def interval(state, amplitude, hertz=HERTZ_HERE, *, calm=True, usual=0.0):
+def interval(state, amplitude, hertz=HERTZ_HERE, *, calm=True, usual=0.0, vibrations=NONE):
     """What is left of the rises of a line with this logarithm of its amplitude."""
     line = np.zeros((1, FIELDS))
     line[0, HERTZ], line[0, SHARE], line[0, RISES] = hertz, 1.0, RISEN
-    hold_back(line, math.exp(2.0 * amplitude), usual, calm, state)
+    hold_back(line, math.exp(2.0 * amplitude), usual, calm, vibrations, state)
     assert np.ptp(line[0, RISES]) == 0.0
     return line[0, RISE]
 
@@ -45,7 +47,7 @@ def test_what_is_as_loud_as_in_a_swing_has_not_risen_for_certain():
 def test_what_has_not_risen_stays_so():
     line = np.zeros((1, FIELDS))
     line[0, HERTZ], line[0, SHARE], line[0, RISES] = HERTZ_HERE, 1.0, -1.0
-    hold_back(line, 1.0, 0.0, True, swung())
+    hold_back(line, 1.0, 0.0, True, NONE, swung())
     assert (line[0, RISES] == -1.0).all()
 
 
@@ -66,7 +68,7 @@ def test_a_line_that_is_not_heard_has_come_down():
     state = new_swings()
     interval(state, 1.0)
     for _ in range(LONG_ENOUGH):
-        hold_back(np.empty((0, FIELDS)), 1.0, 0.0, True, state)
+        hold_back(np.empty((0, FIELDS)), 1.0, 0.0, True, NONE, state)
     assert interval(state, 1.0) < RISEN
 
 
@@ -81,6 +83,30 @@ def test_neither_does_what_ends_with_the_cut():
     for _ in range(LONG_ENOUGH):
         interval(state, -3.0)
     assert interval(state, 1.0) == RISEN
+
+
+def chattered(hertz=HERTZ_HERE):
+    """A vibration that there was an alarm about."""
+    vibrations = np.zeros(1, VIBRATION)
+    vibrations["frequency_hz"], vibrations["chattered"] = hertz, True
+    return vibrations
+
+
+@pytest.mark.parametrize(("hertz", "forgotten"), [(1.05 * HERTZ_HERE, True), (1.3 * HERTZ_HERE, False)])
+def test_what_swung_in_a_cut_before_it_chattered_there_was_its_onset(hertz, forgotten):
+    """Nor is anything learned there as long as that is remembered."""
+    state = swung()
+    for amplitude in (0.0, 1.0, *np.zeros(LONG_ENOUGH)):
+        interval(state, amplitude, vibrations=chattered(hertz))
+    assert bool(interval(state, 1.0) == RISEN) is forgotten
+
+
+def test_what_swung_in_the_cuts_before_counts_all_the_same():
+    """They were calm to the end."""
+    state = swung()
+    end_cut(state)
+    interval(state, 0.0, vibrations=chattered())
+    assert interval(state, 1.0) == pytest.approx(LOUDER, abs=0.01)
 
 
 @pytest.mark.parametrize(("hertz", "same"), [(1.05 * HERTZ_HERE, True), (1.3 * HERTZ_HERE, False)])
@@ -112,5 +138,5 @@ def test_without_power_there_is_no_amplitude():
     state = new_swings()
     line = np.zeros((1, FIELDS))
     line[0, HERTZ] = HERTZ_HERE
-    hold_back(line, 0.0, 0.0, True, state)
+    hold_back(line, 0.0, 0.0, True, NONE, state)
     assert (state.crest == -math.inf).all()

@@ -43,3 +43,10 @@ def test_it_is_forgotten_in_minutes():
     for _ in range(4 * 1200):
         missed = known.hear(NOT_HEARD, 1.0)
     assert missed.size == 0
+
+
+def test_what_is_taken_out_in_an_alarm_is_not_missed_after_it():
+    """Chatter catches on the teeth, and is taken out with them: what comes next there is not the teeth."""
+    known = KnownOrders()
+    known.hear(HEARD, 1.0, calm=False)
+    assert known.hear(NOT_HEARD, 1.0).size == 0
