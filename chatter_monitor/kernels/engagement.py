@@ -4,12 +4,13 @@ The mean logarithm of the power of all bins minds no line, however strong: it is
 or that of the room. When the tool leaves the cut it falls at once, and the whole becomes quieter; as long as both stay
 so, nothing is being cut. What it falls to next time is learned anew, for a room changes. As long as nothing has fallen
 the tool is taken to be in the cut: who does not know misses nothing. When the room itself gets louder it is taken to be
-in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters. So is what
-begins where nothing but noise was heard, and maybe the one steady tone of a pump, if it lifts the noise at once as
-well, or is several lines: a vibration that grows by itself comes before the noise that it makes, takes nearly all of
-the power, and is below its overtones. So is what is there at once, noise or not: growth takes time. But where a mode
-had sounded, in a machine that rings, it has to be far louder than that, and where teeth were heard the tool is in the
-cut.
+in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters. Where it
+was as loud as that, before it chattered, it is the next cut, and nothing enters it. As long as no cut is known, the
+tool is what begins where nothing but noise was heard, and maybe the one steady tone of a pump, if it lifts the noise at
+once as well, or is several lines: a vibration that grows by itself comes before the noise that it makes, takes nearly
+all of the power, and is below its overtones. So is what is there at once, noise or not: growth takes time. But where a
+mode had sounded, in a machine that rings, it has to be far louder than that, and where teeth were heard the tool is in
+the cut.
 Lines that stay as they were while all else gets louder are a pump's and count as silence, and so they do when the
 whole falls and nothing else is left. What falls while most of what is heard goes on, fainter, is a cut that gets
 lighter, or one whose comb is taken out from then on. Until there is enough of that to compare with, the tool has left
@@ -66,7 +67,8 @@ STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 # before it, and frames since it ended, those in which the tool enters and all; frames since the cut has got lighter;
 # whether the cut before it was no louder between the lines; the whole power before it fell, as long as it has not
 # come back, without what turns and with it; that with what turns which it does not reach, if beside a pump; and the
-# power of this cut where it was lightest.
+# power of this cut where it was lightest, for it is louder where it chatters. That is also what is kept of the one
+# before.
 LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, ALONE, RESIDUAL, WHOLE, WHOLE_LIMIT, LIGHTEST = range(11)
 
 
@@ -207,10 +209,11 @@ def _enters(rings, signs, power_before, head, air, scratch):
     rise, (louder_beside, crest_beside) = levels[newest] - levels[then], signs.beside
     pump = louder_beside >= FALL
     rose = louder and rise >= max(NEAR, LONE * crests[newest])
-    if air[CUT] > -math.inf and power_before > air[CUT] - FALL:
-        return False
-    if rose and air[CUT] > -math.inf:
-        return True
+    if air[CUT] > -math.inf:
+        if power_before > air[CUT] - FALL:
+            return False
+        if rose:
+            return True
     if not (louder or pump):
         return False
     crest = _before(crests, head, air[ALIKE], scratch)

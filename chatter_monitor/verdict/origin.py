@@ -72,8 +72,8 @@ class Origin:
 
     def _own_share(self, orders: Orders) -> float:
         """Share of what turns that is in orders which the vibration has itself, as far as that is known."""
-        if orders.rotation_hz is None or not orders.lines:
+        turning = sum(line.rms**2 for line in orders.lines)
+        if orders.rotation_hz is None or not turning > 0.0:
             return 0.0
         first = max(round(self._hertz / orders.rotation_hz), 1)
-        powers = [(line.order % first == 0, line.rms**2) for line in orders.lines]
-        return sum(power for own, power in powers if own) / sum(power for _, power in powers)
+        return sum(line.rms**2 for line in orders.lines if line.order % first == 0) / turning

@@ -60,6 +60,7 @@ def test_what_grew_out_of_a_mode_outlasts_its_own_comb():
         (comb(HERE_HZ / 20.0, x20=0.6, x21=0.2, x15=0.1), False),  # teeth that meet its mode
         (comb(2.0 * HERE_HZ, x1=0.5), True),  # of its overtones only
         (NOTHING_TURNS, False),
+        (comb(HERE_HZ, x1=0.0), False),
         (Orders(0, 10.0, 0.1, "given", 0.0), False),
     ],
 )
