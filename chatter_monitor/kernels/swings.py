@@ -43,6 +43,8 @@ class SwingState(NamedTuple):
     crest, now : ndarray of float64, shape (RANGES,)
         Highest amplitude since it came down last; that of this interval, or as far as it may have faded since it was
         heard.
+    chattered : ndarray of bool, shape (RANGES,)
+        Whether there has been an alarm there in this cut.
     clock : ndarray of int64, shape (1,)
         Intervals.
     """
@@ -53,13 +55,15 @@ class SwingState(NamedTuple):
     before: np.ndarray
     crest: np.ndarray
     now: np.ndarray
+    chattered: np.ndarray
     clock: np.ndarray
 
 
 def new_swings() -> SwingState:
     """Nothing has been heard."""
     highest, here, lately, before, crest, now = np.full((6, RANGES), -math.inf)
-    return SwingState(highest, here, lately, before, crest, now, np.zeros(1, np.int64))
+    chattered, clock = np.zeros(RANGES, np.bool_), np.zeros(1, np.int64)
+    return SwingState(highest, here, lately, before, crest, now, chattered, clock)
 
 
 @njit(**OPTIONS)
@@ -76,7 +80,7 @@ def hold_back(heard, power, usual, calm, vibrations, state):
     calm : bool
         Whether there is no alarm, and was none just now.
     vibrations : ndarray of VIBRATION, shape (m,)
-        Those that are followed, for which of them have chattered.
+        Those that are followed, for which of them an alarm is about.
     state : SwingState
         Changed in place.
     """
@@ -84,9 +88,7 @@ def hold_back(heard, power, usual, calm, vibrations, state):
         state.highest[i] -= FORGETTING
         state.here[i] -= FORGETTING
     _count_later(state)
-    for i in range(vibrations.shape[0]):
-        if vibrations[i].chattered:
-            _forget_onset(vibrations[i].frequency_hz, state)
+    _forget_onset(vibrations, state)
     if not calm:
         forget_the_last(state)
     for i in range(RANGES):
@@ -116,11 +118,15 @@ def _place(hertz):
 
 
 @njit(**OPTIONS)
-def _forget_onset(hertz, state):
-    """What swung in this cut where it has chattered was how that began, or goes on."""
-    place = _place(hertz)
-    for i in range(max(place - 1, 0), min(place + 2, RANGES)):
-        state.here[i] = state.lately[i] = state.before[i] = state.crest[i] = state.now[i] = -math.inf
+def _forget_onset(vibrations, state):
+    """What swings in this cut where there is an alarm, or was one, is how that began, or goes on."""
+    for i in range(vibrations.shape[0]):
+        if vibrations[i].alarm_for > 0:
+            place = _place(vibrations[i].frequency_hz)
+            state.chattered[max(place - 1, 0) : min(place + 2, RANGES)] = True
+    for i in range(RANGES):
+        if state.chattered[i]:
+            state.here[i] = state.lately[i] = state.before[i] = state.crest[i] = state.now[i] = -math.inf
 
 
 @njit(**OPTIONS)
@@ -129,6 +135,7 @@ def end_cut(state):
     for i in range(RANGES):
         state.highest[i] = max(state.highest[i], state.here[i])
         state.here[i] = -math.inf
+        state.chattered[i] = False
     forget_the_last(state)
 
 

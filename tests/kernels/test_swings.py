@@ -86,19 +86,24 @@ def test_neither_does_what_ends_with_the_cut():
 
 
 def chattered(hertz=HERTZ_HERE):
-    """A vibration that there was an alarm about."""
+    """A vibration that there is an alarm about."""
     vibrations = np.zeros(1, VIBRATION)
-    vibrations["frequency_hz"], vibrations["chattered"] = hertz, True
+    vibrations["frequency_hz"], vibrations["alarm_for"] = hertz, 1
     return vibrations
 
 
 @pytest.mark.parametrize(("hertz", "forgotten"), [(1.05 * HERTZ_HERE, True), (1.3 * HERTZ_HERE, False)])
 def test_what_swung_in_a_cut_before_it_chattered_there_was_its_onset(hertz, forgotten):
-    """Nor is anything learned there as long as that is remembered."""
+    """Nor is anything learned there until that cut has ended, the alarm over or not."""
     state = swung()
+    interval(state, 0.0, vibrations=chattered(hertz))
     for amplitude in (0.0, 1.0, *np.zeros(LONG_ENOUGH)):
-        interval(state, amplitude, vibrations=chattered(hertz))
+        interval(state, amplitude)
     assert bool(interval(state, 1.0) == RISEN) is forgotten
+    end_cut(state)
+    for amplitude in (0.0, 1.0, *np.zeros(LONG_ENOUGH)):
+        interval(state, amplitude)
+    assert interval(state, 1.0) < RISEN
 
 
 def test_what_swung_in_the_cuts_before_counts_all_the_same():
