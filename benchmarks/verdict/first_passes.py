@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from rich.console import Console
@@ -22,7 +21,7 @@ from rich.table import Table
 
 from benchmarks.verdict.cut import Cut
 from benchmarks.verdict.monitor import Passage, watch
-from benchmarks.verdict.shift import air, level_and_room, library, noise, one_pass
+from benchmarks.verdict.shift import air, choose_cuts, in_room, level_and_room, library, one_pass
 
 PAUSE_S, AFTER_S = (4.0, 8.0), (1.0, 1.5)
 
@@ -46,12 +45,8 @@ def first_pass(cut: Cut, rng: np.random.Generator) -> tuple[list[Passage], bool]
     """A pause, a pass and the air after it; and whether a pump hums all along."""
     level, room = level_and_room(rng, cut.samples)
     parts = (air(rng, PAUSE_S, blows=False), one_pass(rng, cut, level), air(rng, AFTER_S, blows=False))
-    passages, at = [], 0
-    for samples, doing in zip(parts, ("pause", cut.name, "air"), strict=True):
-        heard = samples + noise(rng, room, at, samples.size)
-        passages.append(Passage(heard, doing, (cut.nominal_rpm, cut.teeth) if at == 0 else None))
-        at += samples.size
-    return passages, room.pump_hz is not None
+    named = zip(("pause", cut.name, "air"), parts, strict=True)
+    return in_room(rng, room, named, (cut.nominal_rpm, cut.teeth)), room.pump_hz is not None
 
 
 def runs(cuts: list[Cut], rooms: int, seed: int) -> Iterator[Run]:
@@ -69,10 +64,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verdict.first_passes", description=__doc__)
     parser.add_argument("--cuts", type=int, default=150, help="how many stable cuts")
     parser.add_argument("--rooms", type=int, default=2, help="that each is heard in")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--split", choices=("development", "report"), default="report", help="whose cuts")
-    parser.add_argument("--first", type=int, default=0, help="number of the first of these (default %(default)s)")
-    parser.add_argument("--cache", type=Path, help="directory to keep generated cuts in")
+    choose_cuts(parser)
     given = parser.parse_args()
     cuts = library(given.cuts, given.cache, given.split, given.first)
     every = runs(cuts, given.rooms, given.seed)

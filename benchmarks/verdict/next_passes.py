@@ -23,11 +23,11 @@ from rich.progress import track
 from rich.table import Table
 
 from benchmarks.verdict.cache import cached_cuts
-from benchmarks.verdict.cut import INTERVAL_SAMPLES, Cut, Label
+from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, Cut, Label
 from benchmarks.verdict.generator import Split
 from benchmarks.verdict.labels import SETTLING_S
 from benchmarks.verdict.monitor import Passage, watch
-from benchmarks.verdict.shift import INTERVAL_S, TONES, air, enter_and_leave, level_and_room, noise
+from benchmarks.verdict.shift import TONES, air, choose_cuts, enter_and_leave, in_room, level_and_room
 
 # Whole intervals of a cut that are left out; it is calm for so many more before it chatters.
 SETTLING = round(SETTLING_S / INTERVAL_S)
@@ -85,12 +85,7 @@ def job(cut: Cut, rng: np.random.Generator) -> list[Passage]:
     for name in NAMES:
         parts.append((name, enter_and_leave(rng, level * source)))
         parts.append(("air", air(rng, (AIR_S, AIR_S), blows=False)))
-    passages, at = [], 0
-    for doing, samples in parts:
-        heard = samples + noise(rng, room, at, samples.size)
-        passages.append(Passage(heard, doing, None if at else (cut.nominal_rpm, cut.teeth)))
-        at += samples.size
-    return passages
+    return in_room(rng, room, parts, (cut.nominal_rpm, cut.teeth))
 
 
 def runs(cuts: list[Cut], seed: int) -> Iterator[Run]:
@@ -112,10 +107,7 @@ def main() -> None:
     """Listen, and count."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verdict.next_passes", description=__doc__)
     parser.add_argument("--cuts", type=int, default=100, help="how many cuts that turn to chatter")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--split", choices=("development", "report"), default="report", help="whose cuts")
-    parser.add_argument("--first", type=int, default=0, help="number of the first of these (default %(default)s)")
-    parser.add_argument("--cache", type=Path, help="directory to keep generated cuts in")
+    choose_cuts(parser)
     given = parser.parse_args()
     cuts = library(given.cuts, given.cache, given.split, given.first)
     every = runs(cuts, given.seed)

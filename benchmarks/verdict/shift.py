@@ -17,7 +17,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -144,15 +144,32 @@ def noise(rng: np.random.Generator, room: Room, at: int, n: int) -> Floats:
     return np.asarray(heard)
 
 
+def in_room(
+    rng: np.random.Generator, room: Room, parts: Iterable[tuple[str, Floats]], told: tuple[float, int]
+) -> list[Passage]:
+    """Return what is done, part after part, as it is heard in a room; the speed is told with the first."""
+    passages, at = [], 0
+    for doing, samples in parts:
+        heard = samples + noise(rng, room, at, samples.size)
+        passages.append(Passage(heard, doing, None if at else told))
+        at += samples.size
+    return passages
+
+
+def choose_cuts(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say which cuts a library is made of, and the seed of what is done with them."""
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--split", choices=("development", "report"), default="report", help="whose cuts")
+    parser.add_argument("--first", type=int, default=0, help="number of the first of these (default %(default)s)")
+    parser.add_argument("--cache", type=Path, help="directory to keep generated cuts in")
+
+
 def main() -> None:
     """Make the day, listen to it, count."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verdict.shift", description=__doc__)
     parser.add_argument("--hours", type=float, default=8.0)
-    parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--speed", choices=("known", "unknown"), default="known", help="whether speeds are announced")
-    parser.add_argument("--split", choices=("development", "report"), default="report", help="whose cuts")
-    parser.add_argument("--first", type=int, default=0, help="number of the first of these (default %(default)s)")
-    parser.add_argument("--cache", type=Path, help="directory to keep generated cuts in")
+    choose_cuts(parser)
     chosen = parser.parse_args()
     cuts = library(LIBRARY, chosen.cache, chosen.split, chosen.first)
     seconds = 3600.0 * chosen.hours

@@ -74,8 +74,10 @@ LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, ALONE, RESIDUAL, WHOLE, WHOLE_LIMIT, L
 
 def new_air():
     """Nothing is known of it; the tool is in the cut."""
-    known = {ENTERED: LONGEST, SINCE: math.inf, ALIKE: 0.0, ALONE: 0.0, WHOLE_LIMIT: math.inf, LIGHTEST: math.inf}
-    return np.array([known.get(index, -math.inf) for index in range(LIGHTEST + 1)])
+    air = np.full(LIGHTEST + 1, -math.inf)
+    air[[SINCE, WHOLE_LIMIT, LIGHTEST]] = math.inf
+    air[ENTERED], air[ALIKE], air[ALONE] = LONGEST, 0.0, 0.0
+    return air
 
 
 class Rings(NamedTuple):

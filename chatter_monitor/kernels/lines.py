@@ -226,13 +226,13 @@ def _take(signal, hop, state):
 def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measures):
     """Find the most prominent lines of the newest transforms and describe each."""
     spectra, power, reliefs, relief, counts = state.spectra, state.power, state.reliefs, state.relief, state.counts
+    counts[GROWN] = False
     if recent_power(spectra, state.valid, counts[TAKEN], FRAME_HOPS, power) == 0:
         return 0
     frames = reliefs.shape[1]
     column = counts[FRAMES] % frames
     counts[FRAMES] += 1
     counts[ALIKE] += 1
-    counts[GROWN] = 0
     stand_out(power, lowest, state.sums, relief)
     bins = power.shape[0]
     state.levels[column] = (state.sums[bins] - state.sums[lowest]) / (bins - lowest)

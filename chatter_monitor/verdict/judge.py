@@ -102,8 +102,14 @@ class Judge:
                 view = view._replace(reasons=(reasons.CAME_WITH_TOOL, *view.reasons))
         else:
             memory = self._follow(memory, evidence)
-            view = self._withdrawn(opinion(evidence, memory, settings), evidence, memory)
-            view = self._by_loudness(view, evidence, memory)
+            view = opinion(evidence, memory, settings)
+            alarm = {"by_line": view.state == "self_excited", "goes_on": memory.since_alarm == 0.0}
+            self._origin.hear(evidence.grown_hz, memory.told, is_cut=self._loudness.is_cut, **alarm)
+            outlasts = self._origin.outlasts(evidence.orders)
+            sources = memory.source, evidence.orders.source
+            if self._withdrawal.hear(sources, memory.told, **alarm, outlasts=outlasts):
+                view = self._withdraw(view)
+            view = self._by_loudness(view, evidence, memory, outlasts=outlasts)
             self._arrival.hear(power, alarm=view.state == "self_excited")
         if view.grounds not in (None, "alarm"):
             self._level.remember(power)
@@ -146,24 +152,16 @@ class Judge:
         self._loudness.rest()
         self._irregularity.rest()
 
-    def _withdrawn(self, view: Opinion, evidence: Evidence, memory: Memory) -> Opinion:
-        """What an interval of cutting is called, with a word about the alarm before it if that was wrong."""
-        by_line, goes_on = view.state == "self_excited", memory.since_alarm == 0.0
-        sources = memory.source, evidence.orders.source
-        alarm = {"by_line": by_line, "goes_on": goes_on}
-        self._origin.hear(evidence.grown_hz, memory.told, is_cut=self._loudness.is_cut, **alarm)
-        outlasts = self._origin.outlasts(evidence.orders)
-        if not self._withdrawal.hear(sources, memory.told, **alarm, outlasts=outlasts):
-            return view
+    def _withdraw(self, view: Opinion) -> Opinion:
+        """What an interval is called in which the alarm before it turns out to be wrong: a word about that, too."""
         self._following.withdraw()
         self._loudness.forget()
         return view._replace(reasons=(reasons.WITHDRAWN, *view.reasons))
 
-    def _by_loudness(self, view: Opinion, evidence: Evidence, memory: Memory) -> Opinion:
+    def _by_loudness(self, view: Opinion, evidence: Evidence, memory: Memory, *, outlasts: bool) -> Opinion:
         """What an interval of cutting is called: how loud it is makes an alarm of a warning, and ends one."""
         told, orders, alarm = memory.told, evidence.orders, view.state == "self_excited"
         chattered = told.chattered
-        outlasts = self._origin.outlasts(orders)
         explained = newly_found(memory.source, orders.source) and not outlasts
         if not alarm and (explained or (chattered is not None and chattered.glided)):  # by what turns, or it may be
             self._loudness.forget()

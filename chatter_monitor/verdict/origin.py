@@ -57,8 +57,9 @@ class Origin:
         self._since += 1
         if grown_hz is not None:
             self._grown_hz, self._since, self._in_cut = grown_hz, 0, is_cut
-        if told.alarm is not None:
-            self._hertz = told.alarm.frequency_hz
+        alarm = told.alarm
+        if alarm is not None:
+            self._hertz = alarm.frequency_hz
         self._is_mode = (self._is_mode and goes_on) or (by_line and self._has_grown)
 
     @property

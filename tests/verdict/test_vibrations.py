@@ -9,6 +9,7 @@ import pytest
 
 from chatter_monitor.kernels.heard import ORDER_TOLERANCE_HZ, place
 from chatter_monitor.kernels.kinds import LINE
+from chatter_monitor.kernels.swings import LATER
 from chatter_monitor.kernels.vibrations import (
     FORGOTTEN,
     FORGOTTEN_CHATTER,
@@ -530,3 +531,29 @@ def test_what_came_and_left_with_the_tool_is_forgotten():
     assert told.alarm is not None
     following.rest(forget=True)
     assert not len(following.follow(interval(), RULES).vibrations)
+
+
+@pytest.mark.parametrize("calm", [True, False])
+def test_what_is_taken_out_with_the_teeth_in_an_alarm_is_not_theirs_later(calm):
+    """Of a calm cut it is heard again at its order; chatter that caught on the teeth is no order of theirs."""
+    taken = Orders(0, 23.0, 0.01, "refined", 0.9, (OrderLine(9, 207.0, 3.0),))
+    following = Following()
+    following.follow(interval()._replace(orders=taken), RULES, calm=calm)
+    then = interval(207.0)._replace(orders=Orders(0, 23.0, 0.05, "refined", 0.0))
+    (vibration,) = following.follow(then, RULES).vibrations
+    assert bool(vibration["dominance"] > 0.5) is not calm
+
+
+@pytest.mark.parametrize("chatters", [True, False])
+def test_what_swung_before_it_chattered_does_not_hold_it_back_in_the_next_cut(chatters):
+    """Out of a cut that stayed calm, what is no louder than its swings has not risen."""
+    following = Following()
+    quiet, loud = (interval(1000.0, rising=False)._replace(rms=rms) for rms in (0.1, 1.0))
+    for each in [*[quiet] * 5, loud, *[quiet] * (2 * LATER)]:
+        following.follow(each, RULES)
+    for _ in range(20 if chatters else 0):
+        following.follow(interval(1000.0)._replace(rms=30.0), RULES, calm=False)
+    following.rest(forget=True)
+    for _ in range(20):
+        told = following.follow(interval(1000.0)._replace(rms=0.5), RULES)
+    assert (told.alarm is not None) is chatters
