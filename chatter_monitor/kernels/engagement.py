@@ -156,6 +156,8 @@ def engaged(rings, signs, head, air, scratch):
     out = level <= air[LEVEL] + NEAR and power <= air[LIMIT] and whole <= air[WHOLE_LIMIT]
     if out:
         air[LEVEL] += (level - air[LEVEL]) * (1.0 if level < air[LEVEL] else FOLLOWING)
+        # what had still to die out when it fell is not the air
+        air[LIMIT] += min(0.0, max(air[CUT] - FALL, power + NEAR) - air[LIMIT]) * FOLLOWING
     elif air[ALIKE] >= FALLING + BEFORE // 2:
         power_before = _before(powers, head, air[ALIKE], scratch)
         if air[SINCE] >= FALLING + BEFORE:
@@ -181,7 +183,8 @@ def engaged(rings, signs, head, air, scratch):
         and _fallen(rings.wholes, head, head, scratch)
     ):
         out = True
-        air[LEVEL], air[CUT], air[ALONE] = level, _before(powers, head, head, scratch), 0.0
+        air[LEVEL], air[ALONE] = level, 0.0
+        air[CUT] = min(air[LIGHTEST], _before(powers, head, head, scratch))
         air[LIMIT], air[WHOLE_LIMIT] = max(air[CUT] - FALL, power + NEAR), math.inf
     if out:
         air[ENTERED] = air[SINCE] = 0.0

@@ -111,6 +111,30 @@ def test_what_is_as_loud_as_the_cut_before_was_is_the_cut(rings):
     assert all(again[len(again) - 95 :])
 
 
+def test_so_it_is_where_its_chatter_was_taken_out_with_the_teeth_until_the_tool_left():
+    """There is not enough alike by then to tell how loud it was just now, but where it was lightest is known."""
+    calm, chatters = cut(60), (40, CUT + 8.0, CUT + LOUD + 20.0, STANDS_OUT)
+    taken, gone, enters = 100, 106, 160
+    again = told(
+        *(calm, chatters, room(enters - taken), calm, chatters),
+        columns=400,
+        fainter=range(taken, gone),
+        with_comb=[CUT + LOUD + 20.0] * gone + [AIR] * (enters - gone) + [CUT + LOUD + 20.0] * taken,
+        repeating=lambda frame: 0.1 if gone <= frame < enters else 0.8,
+    )
+    assert not any(again[gone + 3 : enters])
+    assert all(again[enters + 5 :])
+
+
+@pytest.mark.parametrize(("air", "heard"), [(4, False), (60, True)])
+def test_what_rang_out_when_the_tool_left_is_not_the_air(air, heard):
+    """A cut of which only lines are heard, fainter than that, is one after a moment in the air."""
+    rings = 3, AIR, CUT + LOUD - 1.0, STANDS_OUT
+    after = told(cut(60), rings, room(air), (40, AIR, CUT + LOUD - 2.5, STANDS_OUT), columns=240)
+    assert not any(after[62 : 63 + air])
+    assert after[-1] is heard
+
+
 @pytest.mark.parametrize("heard_before", [True, False])
 def test_nor_does_what_begins_out_of_nothing_but_noise_enter_such_a_cut(heard_before):
     """A cut in which no mode stands out is heard by how loud it is, if one has been heard before."""
