@@ -46,6 +46,8 @@ STIFFNESS_RANGE = ([1.0, 3.0], [0.8, 3.0]), ([1.0, 8.0], [2.0, 8.0])
 IDLE = 5e-5
 # Noise of the twin, of that of the cut, and how much of the motion is another after a rotation where it chatters.
 TWIN_NOISE, CHATTERING = 0.02, 0.1
+# How long a cut is tried at another speed, and how often it chatters in the last half of that if it does.
+AT_ANOTHER_S, OFTEN = 2.0, 0.05
 # Intervals from the onset of chatter on until it has to be recognised, as in `benchmarks.verdict.labels`; what is over
 # in so many was the step from one depth to the next.
 FROM_ONSET, LASTING = 3, 10
@@ -174,7 +176,7 @@ def _cut(steps, step_s, begins, ends, omega, zeta, stiffness, pressure, radial, 
                 left[tooth, at] = 0.0
                 continue
             sine, cosine = np.sin(angle), np.cos(angle)
-            towards = -(x[0].sum() * sine + x[1].sum() * cosine)
+            towards = x[0].sum() * sine + x[1].sum() * cosine
             nominal = feed * sine + run_out[tooth] - run_out[before]
             chip = nominal + towards - left[before, at]
             if not (linear or chip > 0.0):  # it leaves the surface as it is
@@ -238,9 +240,7 @@ def simulate(mill: Mill) -> tuple[Signal, Bools]:
         way = np.clip((time_s[deeper] - DEEPER) / RAMP_S, 0.0, 1.0) if mill.ramp else 1.0
         depth[deeper] = mill.under + (mill.over - mill.under) * way
     depth *= limit(mill)
-    noise = rng.standard_normal((count, 3))
-    colour = np.exp(-np.arange(400) / 50.0)
-    noise[:, 0] = mill.unsteady * fftconvolve(noise[:, 0], colour / np.sqrt((colour**2).sum()))[:count]
+    noise = _noise(mill, rng, count)
     cut = _run(mill, depth, noise, linear=False)[:, mill.direction]
     moved = cut[:, mill.derivative]
     heard = fftconvolve(moved, firwin(401, PASS_HZ, fs=1.0 / mill.step_s), "same")
@@ -253,6 +253,23 @@ def simulate(mill: Mill) -> tuple[Signal, Bools]:
     cutting = samples[int(2.0 * RATE_HZ) : int(5.0 * RATE_HZ)].std()
     samples = samples / cutting + 10 ** (-mill.noise_db / 20.0) * rng.standard_normal(len(samples))
     return np.asarray(samples), _chatters(mill, depth, noise, cut[:, 1])
+
+
+def chatters_at(mill: Mill, depth_m: float, rotation_hz: float) -> bool:
+    """Whether it chatters as deep as that at another speed, for long enough in the last half of some seconds."""
+    mill = replace(mill, rotation_hz=rotation_hz)
+    count = int(AT_ANOTHER_S / mill.step_s)
+    depth, noise = np.full(count, depth_m), _noise(mill, np.random.default_rng([mill.seed, 3]), count)
+    chatters = _chatters(mill, depth, noise, _run(mill, depth, noise, linear=False)[:, mill.direction, 1])
+    return bool(chatters[len(chatters) // 2 :].mean() > OFTEN)
+
+
+def _noise(mill: Mill, rng: np.random.Generator, count: int) -> Signal:
+    """Unsteadiness of the force, of one colour, and two random forces, shape (count, 3)."""
+    noise = rng.standard_normal((count, 3))
+    colour = np.exp(-np.arange(400) / 50.0)
+    noise[:, 0] = mill.unsteady * fftconvolve(noise[:, 0], colour / np.sqrt((colour**2).sum()))[:count]
+    return noise
 
 
 def _chatters(mill: Mill, depth: Signal, noise: Signal, speed: Signal) -> Bools:
