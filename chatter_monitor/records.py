@@ -200,7 +200,7 @@ class Verdict(Message, frozen=True, tag="verdict"):
 
 
 class Advice(msgspec.Struct, frozen=True):
-    """A spindle speed that puts a tooth passing harmonic on the chatter frequency."""
+    """A spindle speed between two lobes, with so many whole waves of the chatter between two teeth."""
 
     spindle_rpm: float
     lobe: int

@@ -47,9 +47,18 @@ def cuts(split: Split, count: int, first: int = 0) -> Iterator[Cut]:
 
 def cut(split: Split, number: int) -> Cut:
     """Cut `number` of a split."""
+    rng = _random(split, number)
     family = family_of(number)
-    rng = np.random.default_rng([SEEDS[split], number])
     return simulate(FAMILIES[family](rng), f"{split}-{number:04d}-{family}", family, rng)
+
+
+def recipe_of(split: Split, number: int) -> Recipe:
+    """What cut `number` of a split is made of."""
+    return FAMILIES[family_of(number)](_random(split, number))
+
+
+def _random(split: Split, number: int) -> np.random.Generator:
+    return np.random.default_rng([SEEDS[split], number])
 
 
 def family_of(number: int) -> str:

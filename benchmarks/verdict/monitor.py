@@ -100,20 +100,37 @@ def stale(cut: Cut) -> tuple[float, int]:
 
 def listen(cut: Cut, told: tuple[float, int] | None) -> Opinions:
     """Run the monitor over a cut, told a spindle speed (rpm) and teeth, or neither."""
-    verdicts = _Kept()
+    kept = _Kept()
     source = Synthetic.from_array(cut.samples, RATE_HZ, block_samples=FAST_BLOCK_SAMPLES)
     options = {} if told is None else {"spindle": {"speed_rpm": told[0], "teeth": told[1]}}
-    for _ in _monitor(load([], options), source, verdicts).run():
+    for _ in _monitor(load([], options), source, kept).run():
         pass
-    kept = verdicts.verdicts
-    if len(kept) != len(cut.truth):
-        raise RuntimeError(f"{len(kept)} verdicts for {len(cut.truth)} intervals of {cut.name}")
-    return Opinions.of(kept)
+    if len(kept.verdicts) != len(cut.truth):
+        raise RuntimeError(f"{len(kept.verdicts)} verdicts for {len(cut.truth)} intervals of {cut.name}")
+    return Opinions.of(kept.verdicts)
 
 
 def watch(passages: Iterable[Passage], *, announce: bool, ahead: bool = False) -> Iterator[Remarks]:
     """Run the monitor over a long recording, with a process ahead or not; yields what it said of piece after piece."""
     source, kept = _Stream(passages), _Kept()
+    for end in _hear(source, kept, announce=announce, ahead=ahead):
+        doing = source.taken.popleft().doing
+        states = [verdict.state for verdict in kept.verdicts]
+        yield Remarks(doing, states, len(kept.events), end / RATE_HZ, source.generating_s)
+        kept.verdicts.clear()
+        kept.events.clear()
+
+
+def events_of(passages: Iterable[Passage]) -> list[Event]:
+    """Run the monitor over a recording with the speeds told, for its events with their advice."""
+    source, kept = _Stream(passages), _Kept()
+    for _ in _hear(source, kept, announce=True):
+        source.taken.popleft()
+    return kept.events
+
+
+def _hear(source: _Stream, kept: _Kept, *, announce: bool, ahead: bool = False) -> Iterator[int]:
+    """Run the monitor; yields how many samples it has heard, block after block."""
 
     def commands() -> list[SetSpindle]:
         told = source.taken[-1].announced if announce else None
@@ -124,12 +141,7 @@ def watch(passages: Iterable[Passage], *, announce: bool, ahead: bool = False) -
         front_ends = None
         if ahead:
             front_ends = stack.enter_context(FrontEndsAhead(settings, source.channels, RATE_HZ, FAST_BLOCK_SAMPLES))
-        for end in _monitor(settings, source, kept, commands, front_ends).run():
-            doing = source.taken.popleft().doing
-            states = [verdict.state for verdict in kept.verdicts]
-            yield Remarks(doing, states, kept.events, end / RATE_HZ, source.generating_s)
-            kept.verdicts.clear()
-            kept.events = 0
+        yield from _monitor(settings, source, kept, commands, front_ends).run()
 
 
 def _monitor(
@@ -153,20 +165,21 @@ def _monitor(
 
 
 class _Kept(Outlet):
-    """Keeps the verdicts and counts the events."""
+    """Keeps verdicts and events."""
 
     def __init__(self) -> None:
         self.verdicts: list[Verdict] = []
-        self.events = 0
+        self.events: list[Event] = []
 
     def frame(self, frame: OdpFrame, odp: Odp) -> None:
         """Leave it."""
 
     def message(self, message: Announcement) -> None:
-        """Keep verdicts, count events."""
+        """Keep it, if it is one."""
         if isinstance(message, Verdict):
             self.verdicts.append(message)
-        self.events += isinstance(message, Event)
+        elif isinstance(message, Event):
+            self.events.append(message)
 
     def close(self) -> None:
         """Nothing to let go of."""

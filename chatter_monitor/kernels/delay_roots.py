@@ -33,26 +33,56 @@ def critical_coefficient(omega, zeta, tau):
             low, high = best, max(best, 2.0 * math.pi * number / delay)
         elif not 2.0 * math.pi * number > delay:
             continue  # the solution has r <= 1, where no positive kappa belongs to it
-        r = 0.5 * (low + high)
-        for _ in range(_STEPS):  # Newton's method, kept inside the bracket
-            square = r * r - 1.0
-            phase = r * delay + 2.0 * math.atan2(square, 2.0 * zeta * r) - 2.0 * math.pi * number
-            if phase > 0.0:
-                high = r
-            else:
-                low = r
-            rate = delay + 4.0 * zeta * (r * r + 1.0) / (square * square + 4.0 * zeta * zeta * r * r)
-            following = r - phase / rate
-            if not low < following < high:
-                following = 0.5 * (low + high)
-            change = abs(following - r)
-            r = following
-            if change < _CONVERGED:
-                break
+        r = _on_the_limit(delay, zeta, number, low, high)
         square = r * r - 1.0
         if square > 0.0:
             least = min(least, (square * square + 4.0 * zeta * zeta * r * r) / (2.0 * square))
     return least
+
+
+@njit(**WITHIN)
+def opposite_critical_coefficient(omega, zeta, tau):
+    """Greatest kappa < 0 at which the cut loses its stability, of a mode that moves out of the chip; always finite.
+
+    As `critical_coefficient`, with r < 1. What is lost least easily is at r^2 = 1 - 2 zeta.
+    """
+    delay = omega * tau
+    best = math.sqrt(1.0 - 2.0 * zeta)
+    turns = math.floor((delay * best - 2.0 * math.atan(1.0 / best)) / (2.0 * math.pi))
+    greatest = -math.inf
+    for number in range(turns, turns + 2):
+        low, high = 0.0, best
+        if number > turns:
+            low, high = best, 1.0
+            if not 2.0 * math.pi * number < delay:
+                continue  # r >= 1
+        r = _on_the_limit(delay, zeta, number, low, high)
+        square = r * r - 1.0
+        if square < 0.0:
+            greatest = max(greatest, (square * square + 4.0 * zeta * zeta * r * r) / (2.0 * square))
+    return greatest
+
+
+@njit(**WITHIN)
+def _on_the_limit(delay, zeta, number, low, high):
+    """Frequency over the mode's, between two, at which the phase is so many turns: Newton's method in the bracket."""
+    r = 0.5 * (low + high)
+    for _ in range(_STEPS):
+        square = r * r - 1.0
+        phase = r * delay + 2.0 * math.atan2(square, 2.0 * zeta * r) - 2.0 * math.pi * number
+        if phase > 0.0:
+            high = r
+        else:
+            low = r
+        rate = delay + 4.0 * zeta * (r * r + 1.0) / (square * square + 4.0 * zeta * zeta * r * r)
+        following = r - phase / rate
+        if not low < following < high:
+            following = 0.5 * (low + high)
+        change = abs(following - r)
+        r = following
+        if change < _CONVERGED:
+            break
+    return r
 
 
 @njit(**WITHIN)

@@ -168,6 +168,9 @@ class Timeline(Outlet):
                         style="bold" if event.withdrawn else "bold red",
                         highlight=False,
                     )
+                    if event.remedy:  # what it assumes is in the event
+                        change = event.remedy.partition(". ")[0]
+                        console.print(f"  Change: {change}.", highlight=False, soft_wrap=True)
             for mismatch in self.mismatches:
                 if mismatch.channel == channel:
                     console.print(f"  At {mismatch.t:.1f} s: {mismatch.summary}", highlight=False, soft_wrap=True)

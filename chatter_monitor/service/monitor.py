@@ -21,6 +21,7 @@ from chatter_monitor.tracking.channel import BackEnd, Channel, Observation
 from chatter_monitor.tracking.front_end import Tracked
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S
+from chatter_monitor.verdict.advice import advise
 from chatter_monitor.verdict.event_log import EventLog
 from chatter_monitor.verdict.evidence import weigh
 from chatter_monitor.verdict.judge import Judge
@@ -65,7 +66,8 @@ def odp_message(frame: OdpFrame) -> Odp:
 def warm_up(settings: Settings, source_rate_hz: float) -> None:
     """Load the compiled kernels: better before the first sample of a live source than after it; else it is a waste.
 
-    What turns at a given speed is looked for, found, and taken out, and a margin is fitted to the rest.
+    What turns at a given speed is looked for, found, and taken out, a margin is fitted to the rest, and another speed
+    is advised.
     """
     rate_hz, seconds, rotation_hz = settings.tracker.sample_rate_hz, 4.0, 30.0
     spindle = SpindleSettings(speed_rpm=60.0 * rotation_hz)
@@ -76,6 +78,7 @@ def warm_up(settings: Settings, source_rate_hz: float) -> None:
     for observation in channel.process(0, comb + np.random.default_rng(0).standard_normal(len(angle))):
         frame = observation.odp
         judge.verdict(weigh(observation, spindle), frame.first_sample, len(frame), rate_hz)
+    advise(10.7 * rotation_hz, spindle)
 
 
 class Monitor:

@@ -5,127 +5,132 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from chatter_monitor.kernels.delay_roots import critical_coefficient
-from chatter_monitor.physics.lobes import Recommendation, recommended_speeds
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.errors import InputError
+from chatter_monitor.kernels.likely_modes import DAMPING_RATIOS, DEPTHS, chances, room, weigh_modes
+from chatter_monitor.physics.lobes import Recommendation
 from chatter_monitor.records import Advice
 from chatter_monitor.tracking.spindle import SpindleSettings
 
+Floats = NDArray[np.float64]
+
 MOST_SPEEDS = 3
-# A speed is worth going to when the cut may be so much deeper there than at the worst speed. More depth than the
-# scatter of damping and stiffness between two parts has to be in it.
-WORTH_IT = 1.5
-# Golden section, and how exact the waves between two teeth are told.
-GOLDEN, EXACT_WAVES = 0.5 * (math.sqrt(5.0) - 1.0), 1e-6
-# Damping taken for granted where the mode is not known.
-USUAL_DAMPING = 0.03
+# A speed is worth a try where the cut is about as likely stable as not, as deep as it is.
+WORTH_IT = 0.4
+# Of two that are as likely that at which the cut may be deeper.
+DEEPER = 0.001
+# Speeds that are looked at: by how much one is above the other, and how far those that are given are from each other at
+# least (natural logarithms).
+STEP, APART = 0.01, 0.05
 # Range of the spindle, relative to its present speed, where the machine's is not configured.
 USUAL_RANGE = (0.5, 2.0)
-# A speed so near to the present one is the present one.
-SAME_SPEED = 0.01
+# Speeds that it may have now: so many, in all of the range where none is told, and where one is told and not heard
+# this near to it, for real ones are off by as much.
+MAY_BE, NEAR = 5, 0.03
+# Of more waves between two teeth than this the part of the last one tells as much, and all of them take long.
+MANY_WAVES = 20.0
+
+ASSUMED = (
+    f"Assumes modes with {100 * min(DAMPING_RATIOS):.0f} to {100 * max(DAMPING_RATIOS):.0f} % damping, the same at any"
+    f" speed, a depth of up to {max(DEPTHS):.1f} times its limit, and evenly spaced teeth"
+)
 
 
-class Structure(NamedTuple):
-    """The mode that chatters, without the cut: frequency and damping ratio, as the margin knows them."""
+class LikelySpeed(NamedTuple):
+    """A spindle speed as it is told, and how likely the cut is stable there as deep as it is."""
 
-    frequency_hz: float
-    damping_ratio: float
+    rpm: float
+    stable: float
+
+    @property
+    def in_ten(self) -> int:
+        """Of ten such cuts so many are."""
+        return round(10.0 * self.stable)
 
 
-def advise(
-    chatter_hz: float, spindle: SpindleSettings, structure: Structure | None = None, kappa: float | None = None
-) -> Recommendation:
-    """Speeds at which a harmonic of the tooth passing meets the vibration, nearest first, and the same in words.
-
-    Between two lobes the wave that a tooth meets is nearly in phase with the one that it leaves, and the cut may be
-    deepest. With the structure known, each speed is moved to where the limit is largest; the rule 60 f / (N k) alone
-    puts it a little too far up the next lobe.
+def advise(chatter_hz: float, spindle: SpindleSettings, rotation_hz: float | None = None) -> Recommendation:
+    """Speeds at which the cut is likely to be stable as deep as it is, the likeliest first, and the same in words.
 
     Parameters
     ----------
     chatter_hz : float
         Frequency of the chatter.
     spindle : SpindleSettings
-        Present speed, teeth and range of the machine, where known.
-    structure : Structure, optional
-        The mode, if it was heard before the chatter.
-    kappa : float, optional
-        Process stiffness over modal stiffness, if it was heard; only speeds that are stable with it are given.
+        Present speed as it was told, teeth and range of the machine, where known.
+    rotation_hz : float, optional
+        Speed at which it turns in truth, if that is heard: speeds are advised as they have to be told.
 
     Returns
     -------
     Recommendation
         At most three speeds; none, with the reason, where less depth is the better way.
+
+    Raises
+    ------
+    InputError
+        For a frequency that is none.
     """
+    if not 0.0 < chatter_hz < math.inf:
+        raise InputError("no spindle speed can be advised", got=chatter_hz, allowed="a frequency > 0 in Hz")
     reach = _reach(spindle)
     if reach is None:
         return Recommendation((), "no speed can be advised: neither the spindle's speed nor its range is known")
-    damping_ratio = structure.damping_ratio if structure else USUAL_DAMPING
+    likely = likely_speeds(chatter_hz, spindle, rotation_hz)
+    worth = [speed for speed in likely if speed.stable > WORTH_IT]
     around = f"between {reach[0]:.0f} and {reach[1]:.0f} rpm"
-    # the correction below may bring speeds in that were just outside
-    margin = 1.0 + damping_ratio
-    candidates = recommended_speeds(chatter_hz, spindle.teeth, reach[0] / margin, reach[1] * margin).speeds
-    speeds = [_between_lobes(advice, spindle.teeth, structure) for advice in candidates]
-    speeds = [advice for advice in speeds if reach[0] <= advice.spindle_rpm <= reach[1]]
-    if not speeds:
-        return Recommendation(
-            (), f"no speed {around} brings the teeth into step with {chatter_hz:.0f} Hz: reduce the depth"
-        )
-    worth = [advice for advice in speeds if deepest(damping_ratio, advice.lobe) >= WORTH_IT * shallowest(damping_ratio)]
     if not worth:
-        waves = min(advice.lobe for advice in speeds)
-        return Recommendation(
-            (),
-            f"reduce the depth of cut: with {waves} waves or more between two teeth the lobes overlap {around}, and no"
-            f" speed allows {100 * (WORTH_IT - 1):.0f} % more at {100 * damping_ratio:.1f} % damping",
-        )
-    here = spindle.speed_rpm
-    if here is not None:
-        occupied = [advice.lobe for advice in worth if abs(advice.spindle_rpm / here - 1.0) < SAME_SPEED]
-        # too deep for this lobe is too deep for those that are lower
-        worth = [advice for advice in worth if not occupied or advice.lobe < min(occupied)]
-        worth.sort(key=lambda advice: abs(advice.spindle_rpm - here))
-    if kappa is not None:
-        worth = [advice for advice in worth if deepest(damping_ratio, advice.lobe) > kappa]
-    if not worth:
-        return Recommendation((), f"reduce the depth of cut: it is too deep for every speed {around}")
-    chosen = tuple(worth[:MOST_SPEEDS])
-    listed = " or ".join(f"{advice.spindle_rpm:.0f} rpm" for advice in chosen)
-    known = "heard" if structure else "taken for granted"
+        text = f"reduce the depth of cut: {around} no speed is likely to be stable as deep as now"
+        best = f"the likeliest, {likely[0].rpm:.0f} rpm, is in {likely[0].in_ten} of 10 such cuts"
+        return Recommendation((), f"{text}; {best}. {ASSUMED}")
+    listed = " or ".join(f"{speed.rpm:.0f} rpm (stable in {speed.in_ten} of 10 such cuts)" for speed in worth)
+    waves = [round(60.0 * chatter_hz / (spindle.teeth * speed.rpm)) for speed in worth]
+    given = (Advice(spindle_rpm=speed.rpm, lobe=lobe) for speed, lobe in zip(worth, waves, strict=True))
     return Recommendation(
-        chosen,
-        f"{listed}: the teeth pass in step with the vibration at {chatter_hz:.0f} Hz. Assumes a single mode with"
-        f" {100 * damping_ratio:.1f} % damping ({known}), the same at every speed, and evenly spaced teeth",
+        tuple(given), f"{listed}: between the lobes of what chatters at {chatter_hz:.0f} Hz. {ASSUMED}"
     )
 
 
-def shallowest(damping_ratio: float) -> float:
-    """Least kappa that chatters at the worst speed: 2 zeta (1 + zeta) (Tlusty)."""
-    return 2.0 * damping_ratio * (1.0 + damping_ratio)
+def likely_speeds(chatter_hz: float, spindle: SpindleSettings, rotation_hz: float | None = None) -> list[LikelySpeed]:
+    """At most three speeds that are likelier to be stable than those around them, the likeliest first.
 
-
-def deepest(damping_ratio: float, lobe: int) -> float:
-    """Limit of kappa at the best speed with about so many waves between two teeth."""
-    return float(critical_coefficient(1.0, damping_ratio, 2.0 * math.pi * _best_waves(damping_ratio, lobe)))
-
-
-def _best_waves(damping_ratio: float, lobe: int) -> float:
-    """Waves of the undamped mode between two teeth where the limit is largest, between the bottoms of two lobes.
-
-    At the bottoms r^2 = 1 + 2 zeta, where the phase of the vibration is a quarter of a turn away from whole waves.
+    A mode chatters above its own frequency, so that a tooth frequency in step with the chatter may be as bad as any.
+    Instead each mode is looked at that would chatter at this frequency and speed (`kernels.likely_modes`), and where
+    its lobes are. None without a range to choose from. Parameters as of `advise`.
     """
-    low, high = (lobe - 0.25) / (1.0 + damping_ratio), (lobe + 0.75) / (1.0 + damping_ratio)
-    while high - low > EXACT_WAVES:  # golden section: there is one top between two bottoms
-        step = GOLDEN * (high - low)
-        left, right = (critical_coefficient(1.0, damping_ratio, 2.0 * math.pi * w) for w in (high - step, low + step))
-        low, high = (low, low + step) if left > right else (high - step, high)
-    return 0.5 * (low + high)
+    reach = _reach(spindle)
+    if reach is None:
+        return []
+    told, teeth = spindle.speed_rpm, spindle.teeth
+    turns = 1.0 if told is None or rotation_hz is None else 60.0 * rotation_hz / told
+    if told is None:
+        present = np.geomspace(*reach, MAY_BE)
+    elif rotation_hz is None:
+        present = told * np.linspace(1.0 - NEAR, 1.0 + NEAR, MAY_BE)
+    else:
+        present = np.array([60.0 * rotation_hz])
+    waves = 60.0 * chatter_hz / (teeth * present)
+    waves = np.where(waves > MANY_WAVES, MANY_WAVES + waves % 1.0, waves)
+    modes = room(len(present))
+    weigh_modes(chatter_hz, waves / chatter_hz, modes)
+    speeds = np.geomspace(*reach, 2 + math.ceil(math.log(reach[1] / reach[0]) / STEP))
+    stable, deeper = np.empty((2, len(speeds)))
+    chances(modes, 60.0 / (teeth * turns * speeds), stable, deeper)
+    tops = [LikelySpeed(float(speeds[i]), float(stable[i])) for i in _tops(speeds, stable + DEEPER * deeper)]
+    tops.sort(key=lambda speed: -speed.stable)
+    return tops[:MOST_SPEEDS]
 
 
-def _between_lobes(rule: Advice, teeth: int, structure: Structure | None) -> Advice:
-    if structure is None:
-        return rule
-    waves = _best_waves(structure.damping_ratio, rule.lobe)
-    return Advice(spindle_rpm=60.0 * structure.frequency_hz / (teeth * waves), lobe=rule.lobe)
+def _tops(speeds: Floats, score: Floats) -> list[int]:
+    """Where the score is above that of both neighbours, or of the one that it has, and none is higher nearby."""
+    padded = np.pad(score, 1, constant_values=-math.inf)
+    tops = np.flatnonzero((score > padded[:-2]) & (score >= padded[2:]))
+    chosen: list[int] = []
+    for i in tops[np.argsort(-score[tops], kind="stable")].tolist():
+        if all(abs(math.log(speeds[i] / speeds[other])) >= APART for other in chosen):
+            chosen.append(i)
+    return chosen
 
 
 def _reach(spindle: SpindleSettings) -> tuple[float, float] | None:

@@ -11,6 +11,8 @@ from chatter_monitor.verdict.advice import advise
 from chatter_monitor.verdict.opinion import SAME_VIBRATION
 from chatter_monitor.verdict.reasons import CAME_WITH_TOOL, DOUBTED, WITHDRAWN
 
+# A speed so near to the one that was told is that one, as it is in truth; another comb may be the chatter's own.
+AS_TOLD = 0.05
 # Advice rests on the speed and the teeth, and neither is what was told, most likely.
 TELL_THE_SPEED = Recommendation((), f"tell the spindle's speed and teeth: {DOUBTED}")
 
@@ -67,7 +69,7 @@ class EventLog:
         elif DOUBTED in intervals[-1].reasons:
             recommendation = TELL_THE_SPEED
         else:
-            recommendation = advise(frequency_hz, self._spindle)
+            recommendation = advise(frequency_hz, self._spindle, _rotation_hz(intervals, self._spindle.speed_rpm))
         self._count += 1
         return Event(
             id=f"{self._prefix}-{channel}-{self._count:04d}",
@@ -81,3 +83,12 @@ class EventLog:
             remedy=recommendation.text,
             withdrawn=withdrawn is not None,
         )
+
+
+def _rotation_hz(intervals: list[Verdict], told_rpm: float | None) -> float | None:
+    """Speed that was heard during an alarm; None where it was not, or was another than the one that was told."""
+    if told_rpm is None:
+        return None
+    heard = [v.frequency_hz / v.order for v in intervals if v.frequency_hz is not None and v.order]
+    near = [rotation_hz for rotation_hz in heard if abs(60.0 * rotation_hz / told_rpm - 1.0) <= AS_TOLD]
+    return statistics.median(near) if near else None

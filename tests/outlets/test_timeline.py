@@ -167,6 +167,14 @@ def test_an_alarm_that_is_withdrawn_is_told_as_such():
     assert "  Alarm, withdrawn, from 0.50 s to 0.90 s at 1067 Hz; least damping -0.12 %." in shown(timeline)
 
 
+def test_a_machinist_reads_what_to_change():
+    """In a line of its own, however long; what that assumes is in the event."""
+    timeline = Timeline(1)
+    fill(timeline, "-" * 20, 0)
+    timeline.message(event(remedy="3391 rpm (stable in 7 of 10 such cuts): between the lobes. Assumes much"))
+    assert "  Change: 3391 rpm (stable in 7 of 10 such cuts): between the lobes." in shown(timeline)
+
+
 def test_a_speed_that_is_not_believed_is_told_of():
     """In the channel that hears it, with how long."""
     timeline = Timeline(2)

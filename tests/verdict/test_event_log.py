@@ -7,6 +7,7 @@ import pytest
 
 from chatter_monitor.records import Verdict
 from chatter_monitor.tracking.spindle import SpindleSettings
+from chatter_monitor.verdict.advice import advise
 from chatter_monitor.verdict.event_log import EventLog
 from chatter_monitor.verdict.reasons import DOUBTED, WITHDRAWN
 
@@ -93,13 +94,25 @@ def test_the_end_of_the_recording_ends_the_event():
 
 
 def test_with_the_speed_known_there_is_advice():
-    """Speeds within the range at which a harmonic of the tooth passing meets the vibration, and the same in words."""
+    """Speeds within the range, and the same in words."""
     event = event_of(verdict_of("self_excited", 0), spindle=MILL)
     assert event.advice
     for advice in event.advice:
-        assert advice.spindle_rpm == pytest.approx(60 * 1067.0 / (6 * advice.lobe), rel=0.05)
         assert 828 <= advice.spindle_rpm <= 12_000
         assert f"{advice.spindle_rpm:.0f} rpm" in event.remedy
+
+
+def test_the_speed_that_is_heard_counts_if_it_is_the_one_that_was_told():
+    """It moves the lobes; a comb far from it is the chatter's own."""
+    alarm = verdict_of("self_excited", 0)
+    told, heard, other = (
+        event_of(msgspec.structs.replace(alarm, order=order), spindle=MILL)
+        for order in (None, 1067.0 / (1.02 * 1656.0 / 60.0), 1.0)
+    )
+    assert other.remedy == told.remedy
+    expected = advise(1067.0, MILL, 1.02 * 1656.0 / 60.0)
+    assert heard.remedy == expected.text != told.remedy
+    assert heard.advice == list(expected.speeds)
 
 
 def test_without_the_speed_the_remedy_says_what_is_missing():

@@ -1,0 +1,134 @@
+"""Which mode it may be that chatters, and where its cut would be stable: many that might be, each with its weight.
+
+One mode with a regenerative delay (equation in `regeneration`) chatters above its own frequency. By how much depends on
+its damping, on the depth and, most of all, on which part of a wave is left over between two teeth, which is more than
+half of one. So a frequency and a delay say where the mode is, for each damping and depth that is usual.
+
+But teeth that enter and leave couple two directions, and what deflects one of them may make the chip thicker. Then any
+part of a wave may be left over and says nothing, and the mode is somewhere near the chatter. Where no single mode
+explains it, it is that; else that may be, too.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from chatter_monitor.kernels.delay_roots import critical_coefficient, opposite_critical_coefficient, rightmost_root
+from chatter_monitor.kernels.options import OPTIONS, WITHIN
+
+# What is usual, all of it equally likely: damping ratios of a machine and its tool (Altintas, Manufacturing Automation,
+# 2000), and how deep a cut that chatters is, over its limit.
+DAMPING_RATIOS = (0.01, 0.017, 0.03, 0.05)
+DEPTHS = (1.1, 1.4, 1.8, 2.4)
+# Frequencies of a single mode over that of its chatter.
+LOWEST, STEP, RATIOS = 0.7225, 0.005, 56
+# How far off the chatter of such a mode may be, relatively: teeth enter and leave, and no machine has one mode alone.
+TOLERANCE = 0.006
+# A mode whose chatter would be farther off, by so many times that, is none.
+FARTHEST = 3.5
+# Frequencies of the modes of two directions over that of their chatter, and how likely it is theirs where a single mode
+# explains it.
+NEARBY, TWO_DIRECTIONS = (0.98, 0.99, 1.0, 1.01, 1.02), 0.35
+# How often a speed that suits such modes is stable: other modes have their limits, too (development cuts of
+# `benchmarks.verdict` and of its milling).
+SINGLE_HOLDS, COUPLED_HOLDS = 0.7, 0.55
+# No more than so much depth over the present counts (natural logarithm): five times as deep or ten is all the same.
+MOST_DEPTH = math.log(5.0)
+
+SINGLE = RATIOS * len(DAMPING_RATIOS) * len(DEPTHS)
+COUPLED = len(NEARBY) * len(DAMPING_RATIOS) * len(DEPTHS) * 2
+OMEGA, ZETA, KAPPA, WEIGHT = range(4)
+
+
+def room(delays: int) -> np.ndarray:
+    """Return space for the modes of so many delays."""
+    return np.empty((delays * SINGLE + COUPLED, WEIGHT + 1))
+
+
+@njit(**OPTIONS)
+def weigh_modes(chatter_hz, tau_s, modes):
+    """Find out how likely each mode is that of the chatter.
+
+    Parameters
+    ----------
+    chatter_hz : float
+        Frequency of the chatter.
+    tau_s : ndarray, shape (delays,)
+        Time between two teeth in seconds; several where it is not known, equally likely.
+    modes : ndarray of float64, shape (delays * SINGLE + COUPLED, 4)
+        Angular frequency, damping ratio, kappa, negative where the chip gets thicker, and weight of each; the weights
+        add up to how likely it is any of them alone. Overwritten.
+    """
+    delays = tau_s.shape[0]
+    coupled = 0.0
+    for delay in range(delays):
+        single = modes[delay * SINGLE : (delay + 1) * SINGLE]
+        whole = _weigh_single(chatter_hz, tau_s[delay], single)
+        if whole > 0.0:
+            for row in range(SINGLE):
+                single[row, WEIGHT] *= SINGLE_HOLDS * (1.0 - TWO_DIRECTIONS) / (whole * delays)
+        coupled += (TWO_DIRECTIONS if whole > 0.0 else 1.0) / delays
+    row = delays * SINGLE
+    for ratio in NEARBY:
+        for zeta in DAMPING_RATIOS:
+            for depth in DEPTHS:
+                for sign in (1.0, -1.0):
+                    modes[row, OMEGA], modes[row, ZETA] = 2.0 * math.pi * chatter_hz * ratio, zeta
+                    # over its limit at the worst speed
+                    modes[row, KAPPA] = sign * depth * 2.0 * zeta * (1.0 + sign * zeta)
+                    modes[row, WEIGHT] = COUPLED_HOLDS * coupled / COUPLED
+                    row += 1
+
+
+@njit(**OPTIONS)
+def _weigh_single(chatter_hz, tau_s, modes):
+    """Modes that chatter with this delay, by how near that is; returns the sum of the weights."""
+    row, whole = 0, 0.0
+    for i in range(RATIOS):
+        ratio = LOWEST + STEP * i
+        omega = 2.0 * math.pi * chatter_hz * ratio
+        for zeta in DAMPING_RATIOS:
+            limit = critical_coefficient(omega, zeta, tau_s)
+            for depth in DEPTHS:
+                kappa = depth * limit
+                root = rightmost_root(omega, zeta, kappa, tau_s)
+                off = abs(math.log(root.imag * ratio)) / TOLERANCE
+                weight = math.exp(-0.5 * off * off) if off < FARTHEST else 0.0
+                modes[row, OMEGA], modes[row, ZETA], modes[row, KAPPA], modes[row, WEIGHT] = omega, zeta, kappa, weight
+                whole += weight
+                row += 1
+    return whole
+
+
+@njit(**OPTIONS)
+def chances(modes, tau_s, stable, deeper):
+    """How likely the cut is stable with other delays, and how much deeper it could be than it is.
+
+    Parameters
+    ----------
+    modes : ndarray
+        As of `weigh_modes`.
+    tau_s : ndarray, shape (n,)
+        Time between two teeth.
+    stable, deeper : ndarray of float64, shape (n,)
+        Probability, and the mean natural logarithm of the limit over the depth; overwritten.
+    """
+    stable[:] = 0.0
+    deeper[:] = 0.0
+    for row in range(modes.shape[0]):
+        weight = modes[row, WEIGHT]
+        if weight == 0.0:
+            continue
+        for i in range(tau_s.shape[0]):
+            over = _limit(modes[row, OMEGA], modes[row, ZETA], tau_s[i], modes[row, KAPPA] < 0.0) / modes[row, KAPPA]
+            stable[i] += weight * (over > 1.0)
+            deeper[i] += weight * min(math.log(over), MOST_DEPTH)
+
+
+@njit(**WITHIN)
+def _limit(omega, zeta, tau_s, opposite):
+    """Limit of kappa, of the sign that it has."""
+    if opposite:
+        return opposite_critical_coefficient(omega, zeta, tau_s)
+    return critical_coefficient(omega, zeta, tau_s)
