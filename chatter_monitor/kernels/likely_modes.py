@@ -27,9 +27,9 @@ LOWEST, STEP, RATIOS = 0.7225, 0.005, 56
 TOLERANCE = 0.006
 # A mode whose chatter would be farther off, by so many times that, is none.
 FARTHEST = 3.5
-# Frequencies of the modes of two directions over that of their chatter, and how likely it is theirs where a single mode
-# explains it.
-NEARBY, TWO_DIRECTIONS = (0.98, 0.99, 1.0, 1.01, 1.02), 0.35
+# Frequencies of the modes of two directions over that of their chatter, and how likely it is theirs, whatever is left
+# over of a wave.
+NEARBY, TWO_DIRECTIONS = (0.98, 0.99, 1.0, 1.01, 1.02), 0.5
 # How often a speed that suits such modes is stable: other modes have their limits, too (development cuts of
 # `benchmarks.verdict` and of its milling).
 SINGLE_HOLDS, COUPLED_HOLDS = 0.7, 0.55
@@ -61,15 +61,28 @@ def weigh_modes(chatter_hz, tau_s, modes):
         add up to how likely it is any of them alone. Overwritten.
     """
     delays = tau_s.shape[0]
-    coupled = 0.0
+    coupled = modes[delays * SINGLE :]
+    _lay_out_coupled(chatter_hz, coupled)
+    total = 0.0
     for delay in range(delays):
         single = modes[delay * SINGLE : (delay + 1) * SINGLE]
         whole = _weigh_single(chatter_hz, tau_s[delay], single)
         if whole > 0.0:
+            # of a single mode one of these parts of a wave is left over, half of all: each is twice as likely
+            share = 2.0 * (1.0 - TWO_DIRECTIONS)
             for row in range(SINGLE):
-                single[row, WEIGHT] *= SINGLE_HOLDS * (1.0 - TWO_DIRECTIONS) / (whole * delays)
-        coupled += (TWO_DIRECTIONS if whole > 0.0 else 1.0) / delays
-    row = delays * SINGLE
+                single[row, WEIGHT] *= SINGLE_HOLDS * share / whole
+            total += share
+        _weigh_coupled(TWO_DIRECTIONS, tau_s[delay], coupled)
+        total += TWO_DIRECTIONS
+    for row in range(modes.shape[0]):
+        modes[row, WEIGHT] /= total
+
+
+@njit(**OPTIONS)
+def _lay_out_coupled(chatter_hz, modes):
+    """Modes of two directions, near the chatter and either way round, without a weight yet."""
+    row = 0
     for ratio in NEARBY:
         for zeta in DAMPING_RATIOS:
             for depth in DEPTHS:
@@ -77,8 +90,19 @@ def weigh_modes(chatter_hz, tau_s, modes):
                     modes[row, OMEGA], modes[row, ZETA] = 2.0 * math.pi * chatter_hz * ratio, zeta
                     # over its limit at the worst speed
                     modes[row, KAPPA] = sign * depth * 2.0 * zeta * (1.0 + sign * zeta)
-                    modes[row, WEIGHT] = COUPLED_HOLDS * coupled / COUPLED
+                    modes[row, WEIGHT] = 0.0
                     row += 1
+
+
+@njit(**OPTIONS)
+def _weigh_coupled(share, tau_s, modes):
+    """Share out how likely it is any of them among those that are unstable with this delay."""
+    unstable = 0
+    for row in range(COUPLED):
+        unstable += _over(modes[row], tau_s) <= 1.0
+    for row in range(COUPLED):
+        if _over(modes[row], tau_s) <= 1.0:
+            modes[row, WEIGHT] += COUPLED_HOLDS * share / unstable
 
 
 @njit(**OPTIONS)
@@ -121,14 +145,14 @@ def chances(modes, tau_s, stable, deeper):
         if weight == 0.0:
             continue
         for i in range(tau_s.shape[0]):
-            over = _limit(modes[row, OMEGA], modes[row, ZETA], tau_s[i], modes[row, KAPPA] < 0.0) / modes[row, KAPPA]
+            over = _over(modes[row], tau_s[i])
             stable[i] += weight * (over > 1.0)
             deeper[i] += weight * min(math.log(over), MOST_DEPTH)
 
 
 @njit(**WITHIN)
-def _limit(omega, zeta, tau_s, opposite):
-    """Limit of kappa, of the sign that it has."""
-    if opposite:
-        return opposite_critical_coefficient(omega, zeta, tau_s)
-    return critical_coefficient(omega, zeta, tau_s)
+def _over(mode, tau_s):
+    """Limit of a mode's kappa with a delay, over what it has; limits of either sign are apart."""
+    if mode[KAPPA] < 0.0:
+        return opposite_critical_coefficient(mode[OMEGA], mode[ZETA], tau_s) / mode[KAPPA]
+    return critical_coefficient(mode[OMEGA], mode[ZETA], tau_s) / mode[KAPPA]

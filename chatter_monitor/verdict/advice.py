@@ -21,14 +21,14 @@ MOST_SPEEDS = 3
 WORTH_IT = 0.4
 # Of two that are as likely that at which the cut may be deeper.
 DEEPER = 0.001
-# Speeds that are looked at: by how much one is above the other, and how far those that are given are from each other at
-# least (natural logarithms).
+# Speeds that are looked at: by how much one is above the other, and how far those that are given are from each other
+# and from the present one at least (natural logarithms).
 STEP, APART = 0.01, 0.05
 # Range of the spindle, relative to its present speed, where the machine's is not configured.
 USUAL_RANGE = (0.5, 2.0)
-# Speeds that it may have now: so many, in all of the range where none is told, and where one is told and not heard
-# this near to it, for real ones are off by as much.
-MAY_BE, NEAR = 5, 0.03
+# Speeds that it may have now: so many in all of the range, where none is told; and so many this near to the one that is
+# told, where that is not heard, for real ones are off by as much.
+ANYWHERE, NEARBY, NEAR = 16, 5, 0.03
 # Of more waves between two teeth than this the part of the last one tells as much, and all of them take long.
 MANY_WAVES = 20.0
 
@@ -80,6 +80,8 @@ def advise(chatter_hz: float, spindle: SpindleSettings, rotation_hz: float | Non
     likely = likely_speeds(chatter_hz, spindle, rotation_hz)
     worth = [speed for speed in likely if speed.stable > WORTH_IT]
     around = f"between {reach[0]:.0f} and {reach[1]:.0f} rpm"
+    if not likely:
+        return Recommendation((), f"reduce the depth of cut: {around} there is no other speed")
     if not worth:
         text = f"reduce the depth of cut: {around} no speed is likely to be stable as deep as now"
         best = f"the likeliest, {likely[0].rpm:.0f} rpm, is in {likely[0].in_ten} of 10 such cuts"
@@ -97,7 +99,7 @@ def likely_speeds(chatter_hz: float, spindle: SpindleSettings, rotation_hz: floa
 
     A mode chatters above its own frequency, so that a tooth frequency in step with the chatter may be as bad as any.
     Instead each mode is looked at that would chatter at this frequency and speed (`kernels.likely_modes`), and where
-    its lobes are. None without a range to choose from. Parameters as of `advise`.
+    its lobes are. None without another speed to choose. Parameters as of `advise`.
     """
     reach = _reach(spindle)
     if reach is None:
@@ -105,9 +107,9 @@ def likely_speeds(chatter_hz: float, spindle: SpindleSettings, rotation_hz: floa
     told, teeth = spindle.speed_rpm, spindle.teeth
     turns = 1.0 if told is None or rotation_hz is None else 60.0 * rotation_hz / told
     if told is None:
-        present = np.geomspace(*reach, MAY_BE)
+        present = np.geomspace(*reach, ANYWHERE)
     elif rotation_hz is None:
-        present = told * np.linspace(1.0 - NEAR, 1.0 + NEAR, MAY_BE)
+        present = told * np.linspace(1.0 - NEAR, 1.0 + NEAR, NEARBY)
     else:
         present = np.array([60.0 * rotation_hz])
     waves = 60.0 * chatter_hz / (teeth * present)
@@ -117,18 +119,17 @@ def likely_speeds(chatter_hz: float, spindle: SpindleSettings, rotation_hz: floa
     speeds = np.geomspace(*reach, 2 + math.ceil(math.log(reach[1] / reach[0]) / STEP))
     stable, deeper = np.empty((2, len(speeds)))
     chances(modes, 60.0 / (teeth * turns * speeds), stable, deeper)
-    tops = [LikelySpeed(float(speeds[i]), float(stable[i])) for i in _tops(speeds, stable + DEEPER * deeper)]
-    tops.sort(key=lambda speed: -speed.stable)
-    return tops[:MOST_SPEEDS]
+    tops = _tops(speeds, stable + DEEPER * deeper, [] if told is None else [told])
+    return [LikelySpeed(float(speeds[i]), float(stable[i])) for i in tops[:MOST_SPEEDS]]
 
 
-def _tops(speeds: Floats, score: Floats) -> list[int]:
-    """Where the score is above that of both neighbours, or of the one that it has, and none is higher nearby."""
+def _tops(speeds: Floats, score: Floats, others: list[float]) -> list[int]:
+    """Where the score is above that of both neighbours, or of the one that it has; none near another, or near these."""
     padded = np.pad(score, 1, constant_values=-math.inf)
     tops = np.flatnonzero((score > padded[:-2]) & (score >= padded[2:]))
     chosen: list[int] = []
     for i in tops[np.argsort(-score[tops], kind="stable")].tolist():
-        if all(abs(math.log(speeds[i] / speeds[other])) >= APART for other in chosen):
+        if all(abs(math.log(speeds[i] / other)) >= APART for other in (*speeds[chosen], *others)):
             chosen.append(i)
     return chosen
 

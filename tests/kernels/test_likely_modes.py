@@ -64,9 +64,11 @@ def off(mode):
 
 def test_the_weights_are_of_one_kind_or_the_other(modes):
     """Where a single mode explains the chatter it most likely is one; with a little of a wave left over it is none."""
-    assert modes[:SINGLE, WEIGHT].sum() == pytest.approx(SINGLE_HOLDS * (1.0 - TWO_DIRECTIONS))
-    assert modes[SINGLE:, WEIGHT].sum() == pytest.approx(COUPLED_HOLDS * TWO_DIRECTIONS)
+    single = 2.0 * (1.0 - TWO_DIRECTIONS)
+    assert modes[:SINGLE, WEIGHT].sum() == pytest.approx(SINGLE_HOLDS * single / (single + TWO_DIRECTIONS))
+    assert modes[SINGLE:, WEIGHT].sum() == pytest.approx(COUPLED_HOLDS * TWO_DIRECTIONS / (single + TWO_DIRECTIONS))
     assert (modes[SINGLE:, KAPPA] < 0.0).mean() == 0.5
+    assert 0.2 < (modes[SINGLE:, WEIGHT] > 0.0).mean() < 0.9
     for waves in (1.2, 2.2, 5.3):
         weigh_modes(CHATTER_HZ, np.array([waves / CHATTER_HZ]), modes)
         assert modes[:SINGLE, WEIGHT].sum() == 0.0
@@ -74,7 +76,10 @@ def test_the_weights_are_of_one_kind_or_the_other(modes):
 
 
 def test_chances_are_the_weight_of_the_modes_that_are_stable(modes):
-    """By the chart; where the delay is what it is no single mode is."""
+    """By the chart; where the delay is what it is none is."""
+    stable, deeper = np.empty((2, 1))
+    chances(modes, np.array([TAU_S]), stable, deeper)
+    assert stable[0] == 0.0
     modes[SINGLE:, WEIGHT] = 0.0
     rpm = np.array([RPM, 5300.0, 6100.0, 7400.0])
     stable, deeper = np.empty((2, len(rpm)))

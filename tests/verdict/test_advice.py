@@ -98,7 +98,9 @@ def test_only_speeds_within_the_machines_range_are_given():
     here, _, chatter_hz = chattering(0.02, 2.7, 1.6)
     for speed in advise(chatter_hz, SpindleSettings(here, TEETH, 0.8 * here, 1.2 * here), here / 60.0).speeds:
         assert 0.8 * here <= speed.spindle_rpm <= 1.2 * here
-    assert len(likely_speeds(chatter_hz, SpindleSettings(here, TEETH, here, here), here / 60.0)) == 1
+    only = SpindleSettings(here, TEETH, 0.99 * here, 1.01 * here)
+    assert likely_speeds(chatter_hz, only, here / 60.0) == []
+    assert "there is no other speed" in advise(chatter_hz, only, here / 60.0).text
 
 
 def test_at_low_speed_less_depth_is_advised():
