@@ -154,7 +154,7 @@ def main() -> None:
     console.print(table_of(remedies))
     right, said = Counter[int](), Counter[int]()
     for remedy in remedies:
-        for tenths, over in zip(remedy.said, remedy.limits[ADVISED], strict=False):
+        for tenths, over in zip(remedy.said, remedy.limits[ADVISED], strict=True):
             said[tenths] += 1
             right[tenths] += over > 1.0
     for tenths in sorted(said):
