@@ -21,7 +21,7 @@ from rich.table import Table
 
 from benchmarks.verdict.cut import Cut
 from benchmarks.verdict.monitor import Passage, watch
-from benchmarks.verdict.shift import air, choose_cuts, in_room, level_and_room, library, one_pass
+from benchmarks.verdict.shift import air, choose_library, in_room, level_and_room, library, one_pass
 
 PAUSE_S, AFTER_S = (4.0, 8.0), (1.0, 1.5)
 
@@ -64,7 +64,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verdict.first_passes", description=__doc__)
     parser.add_argument("--cuts", type=int, default=150, help="how many stable cuts")
     parser.add_argument("--rooms", type=int, default=2, help="that each is heard in")
-    choose_cuts(parser)
+    choose_library(parser)
     given = parser.parse_args()
     cuts = library(given.cuts, given.cache, given.split, given.first)
     every = runs(cuts, given.rooms, given.seed)

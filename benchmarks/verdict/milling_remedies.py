@@ -20,9 +20,9 @@ from rich.table import Table
 
 from benchmarks.verdict.milling import DEEPER, Mill, chatters_at, draw, limit, passages, simulate
 from benchmarks.verdict.monitor import events_of
-from benchmarks.verdict.remedies import LEAST_S, in_step
+from benchmarks.verdict.remedies import ADVISED, ANY, IN_STEP, LEAST_S, in_step, longest
 from chatter_monitor.records import Event
-from chatter_monitor.verdict.advice import MOST_SPEEDS, USUAL_RANGE
+from chatter_monitor.verdict.advice import USUAL_RANGE
 
 # Speeds that are drawn for each cut, from this seed on.
 DRAWN, SEED = 5, 13
@@ -50,19 +50,15 @@ def remedy_of(mill: Mill) -> Remedy | None:
     ratios = np.exp(np.random.default_rng([SEED, mill.seed]).uniform(*np.log(USUAL_RANGE), DRAWN))
     return Remedy(
         [is_stable(speed.spindle_rpm) for speed in event.advice],
-        [
-            is_stable(speed.spindle_rpm)
-            for speed in in_step(event.peak_frequency_hz, mill.teeth, told_rpm)[:MOST_SPEEDS]
-        ],
+        [is_stable(speed.spindle_rpm) for speed in in_step(event.peak_frequency_hz, mill.teeth, told_rpm)],
         [is_stable(told_rpm * ratio) for ratio in ratios],
     )
 
 
 def _chatter(mill: Mill) -> Event | None:
     """The longest alarm that begins as the cut gets deeper, or later."""
-    heard = events_of(passages(mill, simulate(mill)[0]))
-    long = [e for e in heard if not e.withdrawn and e.onset_s >= DEEPER and e.end_s - e.onset_s >= LEAST_S]
-    return max(long, key=lambda event: event.end_s - event.onset_s, default=None)
+    events = events_of(passages(mill, simulate(mill)[0]))
+    return longest(event for event in events if event.onset_s >= DEEPER)
 
 
 def table_of(remedies: list[Remedy]) -> Table:
@@ -70,17 +66,16 @@ def table_of(remedies: list[Remedy]) -> Table:
     table = Table("speed", "given for", "stable at the first", "at one of three", "where one is advised")
     advised = [remedy for remedy in remedies if remedy.advised]
     rows = (
-        ("advised, speed told", [remedy.advised for remedy in remedies]),
-        ("in step with the chatter", [remedy.in_step for remedy in remedies]),
-        ("any speed", [remedy.drawn for remedy in remedies]),
+        (ADVISED, lambda remedy: remedy.advised),
+        (IN_STEP, lambda remedy: remedy.in_step),
+        (ANY, lambda remedy: remedy.drawn),
     )
-    for name, stable in rows:
-        given = [each for each in stable if each]
-        first = np.mean([np.mean(each) if name == "any speed" else each[0] for each in given])
-        one = "" if name == "any speed" else f"{np.mean([any(each) for each in given]):.0%}"
-        there = [each for each, remedy in zip(stable, remedies, strict=True) if each and remedy.advised]
-        where = np.mean([np.mean(each) if name == "any speed" else each[0] for each in there])
-        table.add_row(name, f"{len(given)} of {len(remedies)}", f"{first:.0%}", one, f"{where:.0%}")
+    for rule, stable in rows:
+        given, there = ([stable(each) for each in these if stable(each)] for these in (remedies, advised))
+        # of those that are drawn none is the first
+        first, where = (np.mean([np.mean(each if rule == ANY else each[:1]) for each in of]) for of in (given, there))
+        one = "" if rule == ANY else f"{np.mean([any(each) for each in given]):.0%}"
+        table.add_row(rule, f"{len(given)} of {len(remedies)}", f"{first:.0%}", one, f"{where:.0%}")
     table.caption = f"a speed is advised for {len(advised)}"
     return table
 

@@ -27,7 +27,7 @@ from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, Cut, Label
 from benchmarks.verdict.generator import Split
 from benchmarks.verdict.labels import SETTLING_S
 from benchmarks.verdict.monitor import Passage, watch
-from benchmarks.verdict.shift import TONES, air, choose_cuts, enter_and_leave, in_room, level_and_room
+from benchmarks.verdict.shift import TONES, air, choose_library, enter_and_leave, in_room, level_and_room
 
 # Whole intervals of a cut that are left out; it is calm for so many more before it chatters.
 SETTLING = round(SETTLING_S / INTERVAL_S)
@@ -107,7 +107,7 @@ def main() -> None:
     """Listen, and count."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verdict.next_passes", description=__doc__)
     parser.add_argument("--cuts", type=int, default=100, help="how many cuts that turn to chatter")
-    choose_cuts(parser)
+    choose_library(parser)
     given = parser.parse_args()
     cuts = library(given.cuts, given.cache, given.split, given.first)
     every = runs(cuts, given.seed)

@@ -15,8 +15,8 @@ import argparse
 import math
 import re
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from rich.console import Console
@@ -29,6 +29,7 @@ from benchmarks.verdict.generator import recipe_of
 from benchmarks.verdict.monitor import Passage, events_of
 from benchmarks.verdict.recipe import Recipe
 from benchmarks.verdict.roots import critical_kappa
+from benchmarks.verdict.shift import choose_cuts
 from chatter_monitor.physics.lobes import recommended_speeds
 from chatter_monitor.records import Advice, Event
 from chatter_monitor.tracking.spindle import SpindleSettings
@@ -84,7 +85,7 @@ def remedy_of(cut: Cut, recipe: Recipe) -> Remedy | None:
     untold = advise(event.peak_frequency_hz, SpindleSettings(None, teeth, low, high))
     over_truth = told / present
     limits = {
-        rule: [limit(speed.spindle_rpm / over_truth) for speed in speeds[:MOST_SPEEDS]]
+        rule: [limit(speed.spindle_rpm / over_truth) for speed in speeds]
         for rule, speeds in (
             (ADVISED, event.advice),
             (UNTOLD, untold.speeds),
@@ -98,23 +99,23 @@ def remedy_of(cut: Cut, recipe: Recipe) -> Remedy | None:
 
 
 def in_step(chatter_hz: float, teeth: int, told_rpm: float) -> list[Advice]:
-    """Speeds at which teeth pass in step with the chatter, the nearest first."""
+    """Speeds at which teeth pass in step with the chatter, the nearest first, as many as are advised at most."""
     reach = (bound * told_rpm for bound in USUAL_RANGE)
     speeds = recommended_speeds(chatter_hz, teeth, *reach).speeds
-    return sorted(speeds, key=lambda speed: abs(math.log(speed.spindle_rpm / told_rpm)))
+    return sorted(speeds, key=lambda speed: abs(math.log(speed.spindle_rpm / told_rpm)))[:MOST_SPEEDS]
+
+
+def longest(events: Iterable[Event]) -> Event | None:
+    """The longest of these that was not withdrawn, if it is long enough."""
+    lasting = (event for event in events if not event.withdrawn and event.end_s - event.onset_s >= LEAST_S)
+    return max(lasting, key=lambda event: event.end_s - event.onset_s, default=None)
 
 
 def _chatter(cut: Cut) -> Event | None:
     """The longest alarm about a cut that is true."""
     chatters, start_s = cut.truth.label == Label.SELF_EXCITED, cut.truth.start_s
-    true = [
-        event
-        for event in events_of([Passage(cut.samples, "cut", (cut.nominal_rpm, cut.teeth))])
-        if not event.withdrawn
-        and event.end_s - event.onset_s >= LEAST_S
-        and chatters[(start_s >= event.onset_s) & (start_s < event.end_s)].mean() >= TRUE
-    ]
-    return max(true, key=lambda event: event.end_s - event.onset_s, default=None)
+    events = events_of([Passage(cut.samples, "cut", (cut.nominal_rpm, cut.teeth))])
+    return longest(e for e in events if chatters[(start_s >= e.onset_s) & (start_s < e.end_s)].mean() >= TRUE)
 
 
 def table_of(remedies: list[Remedy]) -> Table:
@@ -139,9 +140,7 @@ def main() -> None:
     """Listen, ask, and look where the lobes are."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verdict.remedies", description=__doc__)
     parser.add_argument("--cuts", type=int, default=300, help="how many cuts, of which a third turns to chatter")
-    parser.add_argument("--split", choices=("development", "report"), default="report", help="whose cuts")
-    parser.add_argument("--first", type=int, default=0, help="number of the first of these (default %(default)s)")
-    parser.add_argument("--cache", type=Path, help="directory to keep generated cuts in")
+    choose_cuts(parser)
     given = parser.parse_args()
     remedies, untold, numbered = [], 0, enumerate(cached_cuts(given.split, given.cuts, given.cache, given.first))
     for i, cut in track(numbered, "remedies", total=given.cuts, console=Console(stderr=True)):

@@ -156,9 +156,14 @@ def in_room(
     return passages
 
 
-def choose_cuts(parser: argparse.ArgumentParser) -> None:
+def choose_library(parser: argparse.ArgumentParser) -> None:
     """Add the options that say which cuts a library is made of, and the seed of what is done with them."""
     parser.add_argument("--seed", type=int, default=1)
+    choose_cuts(parser)
+
+
+def choose_cuts(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say which cuts are meant."""
     parser.add_argument("--split", choices=("development", "report"), default="report", help="whose cuts")
     parser.add_argument("--first", type=int, default=0, help="number of the first of these (default %(default)s)")
     parser.add_argument("--cache", type=Path, help="directory to keep generated cuts in")
@@ -169,7 +174,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verdict.shift", description=__doc__)
     parser.add_argument("--hours", type=float, default=8.0)
     parser.add_argument("--speed", choices=("known", "unknown"), default="known", help="whether speeds are announced")
-    choose_cuts(parser)
+    choose_library(parser)
     chosen = parser.parse_args()
     cuts = library(LIBRARY, chosen.cache, chosen.split, chosen.first)
     seconds = 3600.0 * chosen.hours

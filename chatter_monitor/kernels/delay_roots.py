@@ -34,9 +34,8 @@ def critical_coefficient(omega, zeta, tau):
         elif not 2.0 * math.pi * number > delay:
             continue  # the solution has r <= 1, where no positive kappa belongs to it
         r = _on_the_limit(delay, zeta, number, low, high)
-        square = r * r - 1.0
-        if square > 0.0:
-            least = min(least, (square * square + 4.0 * zeta * zeta * r * r) / (2.0 * square))
+        if r * r > 1.0:
+            least = min(least, _coefficient(r, zeta))
     return least
 
 
@@ -57,9 +56,8 @@ def opposite_critical_coefficient(omega, zeta, tau):
             if not 2.0 * math.pi * number < delay:
                 continue  # r >= 1
         r = _on_the_limit(delay, zeta, number, low, high)
-        square = r * r - 1.0
-        if square < 0.0:
-            greatest = max(greatest, (square * square + 4.0 * zeta * zeta * r * r) / (2.0 * square))
+        if r * r < 1.0:
+            greatest = max(greatest, _coefficient(r, zeta))
     return greatest
 
 
@@ -83,6 +81,13 @@ def _on_the_limit(delay, zeta, number, low, high):
         if change < _CONVERGED:
             break
     return r
+
+
+@njit(**WITHIN)
+def _coefficient(r, zeta):
+    """Kappa on the limit, at this frequency over the mode's."""
+    square = r * r - 1.0
+    return (square * square + 4.0 * zeta * zeta * r * r) / (2.0 * square)
 
 
 @njit(**WITHIN)
