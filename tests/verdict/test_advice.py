@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from chatter_monitor.errors import InputError
-from chatter_monitor.kernels.likely_modes import SINGLE_HOLDS
+from chatter_monitor.kernels.likely_modes import SINGLE_HOLDS, chances, room, weigh_modes
 from chatter_monitor.physics.lobes import recommended_speeds, stability_limit
 from chatter_monitor.physics.model import MachiningSystem
 from chatter_monitor.physics.parts import AppliedTerm, Mode, Spindle
 from chatter_monitor.physics.stability import rightmost_root
 from chatter_monitor.physics.terms import CATALOGUE
 from chatter_monitor.tracking.spindle import SpindleSettings
+from chatter_monitor.verdict import advice
 from chatter_monitor.verdict.advice import APART, MOST_SPEEDS, WORTH_IT, advise, likely_speeds
 
 TEETH, MODE_HZ = 3, 890.0
@@ -86,10 +87,10 @@ def test_the_likeliest_speeds_come_first():
     rpm = np.sort([speed.rpm for speed in speeds])
     assert np.diff(np.log(rpm)).min() >= APART
     assert 0.5 < speeds[0].stable <= SINGLE_HOLDS
-    advice = advise(chatter_hz, spindle, here / 60.0)
-    assert [speed.spindle_rpm for speed in advice.speeds] == [s.rpm for s in speeds if s.stable > WORTH_IT]
-    for given, speed in zip(advice.speeds, speeds, strict=False):
-        assert f"{speed.rpm:.0f} rpm (stable in {speed.in_ten} of 10 such cuts)" in advice.text
+    told = advise(chatter_hz, spindle, here / 60.0)
+    assert [speed.spindle_rpm for speed in told.speeds] == [s.rpm for s in speeds if s.stable > WORTH_IT]
+    for given, speed in zip(told.speeds, speeds, strict=False):
+        assert f"{speed.rpm:.0f} rpm (stable in {speed.in_ten} of 10 such cuts)" in told.text
         assert given.lobe == round(60.0 * chatter_hz / (TEETH * speed.rpm))
 
 
@@ -106,10 +107,10 @@ def test_only_speeds_within_the_machines_range_are_given():
 def test_at_low_speed_less_depth_is_advised():
     """Where dozens of waves fit between two teeth the lobes overlap; the text says how unlikely the best speed is."""
     here, _, chatter_hz = chattering(0.03, 25.7, 1.6)
-    advice = advise(chatter_hz, SpindleSettings(here, TEETH), here / 60.0)
-    assert advice.speeds == ()
-    assert advice.text.startswith("reduce the depth of cut: between ")
-    assert "of 10 such cuts" in advice.text
+    told = advise(chatter_hz, SpindleSettings(here, TEETH), here / 60.0)
+    assert told.speeds == ()
+    assert told.text.startswith("reduce the depth of cut: between ")
+    assert "of 10 such cuts" in told.text
 
 
 def test_what_no_single_mode_explains_is_sent_into_step():
@@ -128,6 +129,46 @@ def test_of_hundreds_of_waves_the_last_one_tells():
     turns = 60.0 * MODE_HZ / 500.7 / 100.0
     assert [speed.stable for speed in slow] == pytest.approx([speed.stable for speed in faster], abs=0.1)
     assert turns * slow[0].rpm == pytest.approx(faster[0].rpm, rel=0.1)
+
+
+def test_where_no_speed_is_heard_those_around_it_are_looked_at(monkeypatch):
+    """Five within 3 % of the one that is told, many in the range where none is; never more than some twenty waves."""
+    looked_at = []
+
+    def record(chatter_hz, tau_s, modes):
+        looked_at.append(chatter_hz * tau_s)
+        weigh_modes(chatter_hz, tau_s, modes)
+
+    monkeypatch.setattr(advice, "weigh_modes", record)
+    here = 60.0 * MODE_HZ / (TEETH * 2.7)
+    likely_speeds(MODE_HZ, SpindleSettings(here, TEETH), here / 60.0)
+    likely_speeds(MODE_HZ, SpindleSettings(here, TEETH))
+    likely_speeds(MODE_HZ, SpindleSettings(None, TEETH, 0.5 * here, 2.0 * here))
+    likely_speeds(MODE_HZ, SpindleSettings(here, TEETH), MODE_HZ / (TEETH * 312.7))
+    heard, told, untold, slow = looked_at
+    assert heard == pytest.approx([2.7])
+    assert np.sort(told) == pytest.approx(2.7 / np.array([1.03, 1.015, 1.0, 0.985, 0.97]))
+    assert len(untold) > 10
+    assert (untold.min(), untold.max()) == pytest.approx((1.35, 5.4))
+    assert slow == pytest.approx([20.7])
+
+
+def test_of_speeds_as_likely_the_deepest_is_given():
+    """Alone, a peak beside a higher one is none; on a plateau it is the place where the cut may be deepest."""
+    speeds = 5000.0 * np.exp(0.01 * np.arange(9))
+    score = np.array([0.1, 0.5, 0.4, 0.6, 0.1, 0.1, 0.1, 0.1, 0.3])
+    assert advice._tops(speeds, score, []) == [3, 8]
+    assert advice._tops(speeds, score, [speeds[3]]) == [8]
+    here, _, chatter_hz = chattering(0.02, 1.8, 1.2)
+    spindle = SpindleSettings(here, TEETH)
+    best = likely_speeds(chatter_hz, spindle, here / 60.0)[0]
+    modes, speeds = room(1), best.rpm * np.exp(0.01 * np.arange(-4, 5))
+    weigh_modes(chatter_hz, np.array([60.0 / (TEETH * here)]), modes)
+    stable, deeper = np.empty((2, len(speeds)))
+    chances(modes, 60.0 / (TEETH * speeds), stable, deeper)
+    as_likely = np.isclose(stable, best.stable, rtol=1e-9)
+    assert as_likely.sum() > 1
+    assert deeper[4] == deeper[as_likely].max()
 
 
 def test_without_any_speed_nothing_is_advised():
