@@ -26,6 +26,7 @@ from chatter_monitor.kernels.engagement import (
 )
 from chatter_monitor.kernels.hump import what_sounded
 from chatter_monitor.kernels.lanes import as_lanes
+from chatter_monitor.kernels.limit_cycle import BAND, TOLD, hear_band
 from chatter_monitor.kernels.narrowband import FRAME_HOPS, PARTS, beat, behaviour, put_in_order, variation_beside
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.prominence import TINY, crest, most_prominent, recent_power, share, stand_out
@@ -86,6 +87,9 @@ class LineState(NamedTuple):
         A line by itself (`kernels.narrowband`).
     columns : ndarray of int64, shape (frames,)
         Frames that it is compared with (`kernels.rise`).
+    cycle : ndarray of float64, shape (TOLD,)
+        Whether a vibration keeps its amplitude and not its phase (`kernels.limit_cycle`).
+    band : ndarray of float64, shape (2 BAND + 1, max(hops, bins))
     scratch : ndarray of float64, shape (max(hops, frames),)
         Work space, as the ones before.
     """
@@ -111,6 +115,8 @@ class LineState(NamedTuple):
     sums: np.ndarray
     line: np.ndarray
     columns: np.ndarray
+    cycle: np.ndarray
+    band: np.ndarray
     scratch: np.ndarray
 
 
@@ -140,6 +146,8 @@ def new_state(window: np.ndarray, interval: int, hops: int, frames: int) -> Line
         sums=np.zeros(bins + 1),
         line=np.zeros((PARTS, hops)),
         columns=np.zeros(frames, np.int64),
+        cycle=np.full(TOLD, np.nan),
+        band=np.zeros((2 * BAND + 1, max(hops, bins))),
         scratch=np.zeros(max(hops, frames)),
     )
 
@@ -227,6 +235,7 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measure
     """Find the most prominent lines of the newest transforms and describe each."""
     spectra, power, reliefs, relief, counts = state.spectra, state.power, state.reliefs, state.relief, state.counts
     counts[GROWN] = False
+    state.cycle[:] = math.nan
     if recent_power(spectra, state.valid, counts[TAKEN], FRAME_HOPS, power) == 0:
         return 0
     frames = reliefs.shape[1]
@@ -256,6 +265,9 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measure
     pump = is_pump(reliefs, state.powers, state.crests, lowest, counts[FRAMES])
     signs = Signs(fainter, pump, leapt, beside, familiar, several, quiet)
     state.cutting[column] = engaged(rings, signs, counts[FRAMES], state.air, state.scratch)
+    clock = counts[TAKEN], counts[FRAMES], counts[SAMPLES], hop
+    ring = spectra, state.valid, state.powers, state.totals
+    hear_band(*ring, lowest, repeating, clock, state.turns, state.band, state.cycle)
     low = fell(state.totals, state.wholes, counts[FRAMES], state.air, state.scratch)
     counts[FALLEN] = counts[FALLEN] + 1 if low else 0
     known = min(frames, counts[ALIKE])

@@ -13,7 +13,7 @@ from chatter_monitor.tracking.front_end import FrontEnd, Tracked
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.margin_tracker import MarginSettings, MarginTracker
 from chatter_monitor.tracking.orders import Orders, OrderSettings
-from chatter_monitor.tracking.spectrum import Spectrum
+from chatter_monitor.tracking.spectrum import Cycle, Spectrum
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S, TrackerSettings
 
@@ -40,6 +40,8 @@ class Observation:
         Whether of the cut before nothing was heard but lines.
     grown : bool
         Whether the first of the lines has grown out of a mode that sounded in the cut before.
+    cycle : Cycle or None
+        What the loudest band keeps of amplitude and phase.
     """
 
     odp: OdpFrame
@@ -50,6 +52,7 @@ class Observation:
     entering: bool = False
     alone: bool = False
     grown: bool = False
+    cycle: Cycle | None = None
 
 
 class BackEnd:
@@ -84,8 +87,9 @@ class BackEnd:
         # One stage after the other over all frames of a block, so that each finds its code and data in the cache.
         lines = [lines_of(self._spectrum, odp, turned) for odp, turned in tracked]
         margins = [self._margin_of(odp, turned) for odp, turned in tracked]
-        for (odp, turned), (found, cutting, *engaged), margin in zip(tracked, lines, margins, strict=True):
-            yield Observation(odp, turned, found, cutting, margin, *engaged)
+        for (odp, turned), (found, *engaged, cycle), margin in zip(tracked, lines, margins, strict=True):
+            cutting, entering, alone, grown = engaged
+            yield Observation(odp, turned, found, cutting, margin, entering, alone, grown, cycle)
 
     def digest(self) -> None:
         """Go on with a fit of the margin: before the next sample in any case, better when nobody waits."""
@@ -140,8 +144,10 @@ class Channel:
         return self._back.observe(self._front.finish())
 
 
-def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[NDArray[np.float64], bool, bool, bool, bool]:
-    """Lines of a frame, and what `Observation` tells of the cut: cutting, entering, alone and grown."""
+def lines_of(
+    spectrum: Spectrum, frame: OdpFrame, orders: Orders
+) -> tuple[NDArray[np.float64], bool, bool, bool, bool, Cycle | None]:
+    """Lines of a frame, and what `Observation` tells of the cut: cutting, entering, alone, grown and cycle."""
     found = spectrum.take(
         frame.signal,
         alike=not orders.returned,
@@ -150,4 +156,4 @@ def lines_of(spectrum: Spectrum, frame: OdpFrame, orders: Orders) -> tuple[NDArr
         repeating=orders.repeating_share,
         fainter=orders.fainter,
     )
-    return found, spectrum.cutting, spectrum.entering, spectrum.alone, spectrum.grown
+    return found, spectrum.cutting, spectrum.entering, spectrum.alone, spectrum.grown, spectrum.cycle

@@ -79,6 +79,27 @@ class Line(NamedTuple):
         return float(coherence_damping(self.coherence, self.frequency_hz))
 
 
+class Cycle(NamedTuple):
+    """What the loudest band of the last second keeps: its amplitude, its phase (`kernels.limit_cycle`).
+
+    Attributes
+    ----------
+    frequency_hz : float
+        Middle of the band.
+    share : float
+        Of the power.
+    dispersion : float
+        Of its amplitude: 1 as that of noise, 0 of a steady one.
+    foretold : float
+        How alike its phase advances from one moment to the next: 1 where a force keeps it.
+    """
+
+    frequency_hz: float
+    share: float
+    dispersion: float
+    foretold: float
+
+
 class Spectrum:
     """The latest transforms of a signal that comes in frames, and the lines that stand out in them.
 
@@ -97,7 +118,7 @@ class Spectrum:
         window = np.hanning(round(WINDOW_S * sample_rate_hz) + 1)[:-1]
         self._state = lines.new_state(window, interval, hops, round(LONG_S * hops / HISTORY_S) // FRAME_HOPS)
         self._measures = np.zeros((LINES, lines.MEASURES))
-        bin_hz = sample_rate_hz / len(self._state.turns)
+        self._bin_hz = bin_hz = sample_rate_hz / len(self._state.turns)
         self._units = np.ones(lines.MEASURES)  # of the kernel, which counts in bins and hops
         self._units[[lines.BIN, lines.PROMINENCE, lines.GROWTH]] = bin_hz, DECIBELS, 1.0 / hop_s
         self._find = lines.finding(
@@ -125,6 +146,12 @@ class Spectrum:
     def grown(self) -> bool:
         """Whether the line that stands out most in the newest frame has grown out of a mode (`kernels.hump`)."""
         return bool(self._state.counts[lines.GROWN])
+
+    @property
+    def cycle(self) -> Cycle | None:
+        """What the loudest band of the last second keeps; None where it is not worth asking."""
+        middle, *told = self._state.cycle.tolist()
+        return None if math.isnan(middle) else Cycle(middle * self._bin_hz, *told)
 
     def take(
         self,

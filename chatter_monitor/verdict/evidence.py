@@ -16,7 +16,7 @@ from chatter_monitor.records import Flag, ModeStatus
 from chatter_monitor.tracking.channel import Observation
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.orders import Orders
-from chatter_monitor.tracking.spectrum import LOWEST_HZ, Line
+from chatter_monitor.tracking.spectrum import LOWEST_HZ, Cycle, Line
 from chatter_monitor.tracking.spindle import SpindleSettings
 
 STATUSES = len(ModeStatus)
@@ -93,6 +93,10 @@ class Heard(Sequence[Vibration]):
         """That with most of the power."""
         return self[int(self.table[:, SHARE].argmax())] if len(self) else None
 
+    def nearest(self, frequency_hz: float) -> Vibration | None:
+        """That nearest to a frequency."""
+        return self[int(np.abs(self.table[:, kernel.HERTZ] - frequency_hz).argmin())] if len(self) else None
+
     @property
     def own_rise(self) -> float:
         """By how much that has got louder by itself (natural logarithm of the amplitude); 0 where there is none."""
@@ -143,6 +147,8 @@ class Evidence(NamedTuple):
         lines.
     grown : bool
         The line that stands out most has grown out of a mode that sounded in the cut before.
+    cycle : Cycle or None
+        What the loudest band keeps of amplitude and phase.
     held : bool
         No sample of the interval could be adapted to: nothing moves.
     starting : bool
@@ -165,6 +171,7 @@ class Evidence(NamedTuple):
     entering: bool = False
     alone: bool = False
     grown: bool = False
+    cycle: Cycle | None = None
 
     @property
     def grown_hz(self) -> float | None:
@@ -206,6 +213,7 @@ def weigh(observation: Observation, spindle: SpindleSettings) -> Evidence:
         entering=observation.entering,
         alone=observation.alone,
         grown=observation.grown,
+        cycle=observation.cycle,
     )
 
 

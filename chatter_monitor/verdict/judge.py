@@ -18,6 +18,7 @@ from chatter_monitor.verdict.arrival import Arrival
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, spindle_order
 from chatter_monitor.verdict.irregularity import Irregularity
 from chatter_monitor.verdict.level import Level
+from chatter_monitor.verdict.limit_cycle import LimitCycle
 from chatter_monitor.verdict.loudness import Loudness
 from chatter_monitor.verdict.opinion import Memory, Opinion, entering, is_undamped, opinion, stands_for
 from chatter_monitor.verdict.origin import Origin
@@ -64,6 +65,7 @@ class Judge:
         self._following = Following()
         self._loudness = Loudness(interval_s)
         self._irregularity = Irregularity(interval_s)
+        self._cycle = LimitCycle(interval_s)
         self._arrival = Arrival(interval_s)
         self._surge = Surge(interval_s)
         self._level = Level(interval_s)
@@ -151,6 +153,7 @@ class Judge:
         self._surge.rest()
         self._loudness.rest()
         self._irregularity.rest()
+        self._cycle.rest()
 
     def _withdraw(self, view: Opinion) -> Opinion:
         """What an interval is called in which the alarm before it turns out to be wrong: a word about that, too."""
@@ -168,23 +171,37 @@ class Judge:
         suspect = _grown_suspect(told, unheard=orders.spindle_unheard)
         calm = told.overview.suspicion < self._settings.warning_probability
         odds = 0.0 if suspect is None else suspect.self_excited / max(1.0 - suspect.self_excited, 1e-6)
-        undisturbed = memory.calm and not alarm
-        repeating = orders.repeating_share
-        turning = orders.recurring_share, repeating, orders.rotation_hz
-        times = self._irregularity.hear(evidence.rms**2, *turning, calm=undisturbed, turns=orders.rotation_heard)
-        irregular = times > 0.0
-        heard = evidence.power, evidence.turning, repeating
+        without_line = self._without_line(evidence, calm=memory.calm and not alarm)
+        heard = evidence.power, evidence.turning, orders.repeating_share
         loud = self._loudness.hear(
-            *heard, alarm=alarm or irregular, odds=odds, calm=calm and not irregular, outlasts=outlasts
+            *heard,
+            alarm=alarm or without_line is not None,
+            odds=odds,
+            calm=calm and without_line is None,
+            outlasts=outlasts,
         )
-        if irregular and not alarm:
-            return Opinion("self_excited", 1.0, (reasons.irregular(times),), evidence.vibrations.loudest)
+        if without_line is not None and not alarm:
+            return without_line
         if alarm or not loud:
             return view
         about = suspect if chattered is None else chattered
         rise = self._loudness.rise
         why = reasons.still_loud(rise) if suspect is None else reasons.loud(suspect, rise)
         return Opinion("self_excited", 1.0, (why,), None if about is None else about.heard)
+
+    def _without_line(self, evidence: Evidence, *, calm: bool) -> Opinion | None:
+        """An alarm that is about no line that was seen to rise: where no line is coherent, one may chatter yet."""
+        power, orders, vibrations = evidence.rms**2, evidence.orders, evidence.vibrations
+        repeating = orders.repeating_share
+        turning = orders.recurring_share, repeating, orders.rotation_hz
+        times = self._irregularity.hear(power, *turning, calm=calm, turns=orders.rotation_heard)
+        rise = self._cycle.hear(evidence.cycle, power, evidence.power, repeating)
+        if rise > 0.0 and evidence.cycle is not None:
+            hertz = evidence.cycle.frequency_hz
+            return Opinion("self_excited", 1.0, (reasons.cycle(hertz, rise),), vibrations.nearest(hertz))
+        if times > 0.0:
+            return Opinion("self_excited", 1.0, (reasons.irregular(times),), vibrations.loudest)
+        return None
 
     def _hear(self, level: float) -> Memory:
         """Take note of how loud it is."""

@@ -67,6 +67,12 @@ def irregular(rise: float) -> str:
     return f"no two rotations are alike any more, and the cut is {10.0 * math.log10(rise):.0f} dB louder than before"
 
 
+def cycle(frequency_hz: float, rise: float) -> str:
+    """That a vibration keeps its amplitude and not its phase, in a cut that has so many times its lowest power."""
+    kept = f"the vibration at {frequency_hz:.0f} Hz keeps its amplitude, and no force its phase"
+    return f"{kept}; the cut is {10.0 * math.log10(rise):.0f} dB louder than it was"
+
+
 def still_loud(rise: float) -> str:
     """That an alarm goes on, because the power is so many times what it was before."""
     return f"the vibration has not died down since the alarm: {10.0 * math.log10(rise):.0f} dB above the cut before it"

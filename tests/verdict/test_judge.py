@@ -18,7 +18,7 @@ from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.margin_tracker import FRAMES_TO_RENEW
 from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.sidebands import Sidebands
-from chatter_monitor.tracking.spectrum import Line
+from chatter_monitor.tracking.spectrum import Cycle, Line
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.event_log import EventLog
@@ -67,6 +67,7 @@ def evidence(*vibrations, critical=None, orders=UNKNOWN_SPEED, margin=NO_MARGIN,
         flags=flags,
         entering=about.get("entering", False),
         grown=about.get("grown", False),
+        cycle=about.get("cycle"),
     )
 
 
@@ -382,6 +383,24 @@ def test_bursts_in_no_order_are_an_alarm_until_the_tool_has_left():
     assert all(verdict.t0 >= 2.0 for verdict in alarms)
     assert {verdict.frequency_hz for verdict in alarms} == {HZ}
     assert alarms[-1].reasons == ["no two rotations are alike any more, and the cut is 22 dB louder than before"]
+    assert {verdict.state for verdict in verdicts[-5:]} == {"idle"}
+
+
+def test_what_keeps_its_amplitude_and_not_its_phase_is_an_alarm_where_the_cut_got_louder():
+    """No line of it is coherent; it is called by the one that is nearest, and ends with the tool."""
+    broad = [Vibration(Line(hertz, 0.3, 18.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.7), None) for hertz in (HZ, 700.0)]
+    kept = {"cycle": Cycle(720.0, 0.7, 0.3, 0.6)}
+    calm = [evidence(*broad, **kept)] * 40
+    assert "self_excited" not in states(*calm, *[evidence(*broad, rms=3.0)] * 40)
+    verdicts = judged(*calm, *[evidence(*broad, rms=3.0, **kept)] * 40, *[SILENCE] * 5)
+    alarms = [verdict for verdict in verdicts if verdict.state == "self_excited"]
+    assert 30 <= len(alarms) <= 40
+    assert {verdict.frequency_hz for verdict in alarms} == {700.0}
+    (why,) = alarms[-1].reasons
+    assert (
+        why
+        == "the vibration at 720 Hz keeps its amplitude, and no force its phase; the cut is 10 dB louder than it was"
+    )
     assert {verdict.state for verdict in verdicts[-5:]} == {"idle"}
 
 
