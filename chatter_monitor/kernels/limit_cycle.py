@@ -27,8 +27,8 @@ from chatter_monitor.kernels.prominence import LOBE, TINY
 MIDDLE, SHARE, DISPERSION, FORETOLD = range(4)
 TOLD = 4
 BAND = 2 * LOBE + 1
-# A band with less of the power is not looked at, nor any where more of the power repeats: that is forced.
-LEAST_SHARE, MOST_REPEATING = 0.4, 0.7
+# A band with less of the power is not looked at, nor any where more of the power repeats: it is not what matters.
+LEAST_SHARE, MOST_REPEATING = 0.5, 0.7
 # Terms of psi(k) before its expansion for large k is exact to five digits.
 SHIFT = 4
 

@@ -192,10 +192,9 @@ class Judge:
     def _without_line(self, evidence: Evidence, *, calm: bool) -> Opinion | None:
         """An alarm that is about no line that was seen to rise: where no line is coherent, one may chatter yet."""
         power, orders, vibrations = evidence.rms**2, evidence.orders, evidence.vibrations
-        repeating = orders.repeating_share
-        turning = orders.recurring_share, repeating, orders.rotation_hz
+        turning = orders.recurring_share, orders.repeating_share, orders.rotation_hz
         times = self._irregularity.hear(power, *turning, calm=calm, turns=orders.rotation_heard)
-        rise = self._cycle.hear(evidence.cycle, power, evidence.power, repeating)
+        rise = self._cycle.hear(evidence.cycle, power, evidence.power, orders.repeating_share)
         if rise > 0.0 and evidence.cycle is not None:
             hertz = evidence.cycle.frequency_hz
             return Opinion("self_excited", 1.0, (reasons.cycle(hertz, rise),), vibrations.nearest(hertz))

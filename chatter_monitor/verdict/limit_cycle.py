@@ -12,50 +12,20 @@ from __future__ import annotations
 import math
 from collections import deque
 from statistics import fmean
-from typing import NamedTuple
 
 from chatter_monitor.kernels.kinds import LOUDER
 from chatter_monitor.kernels.limit_cycle import LEAST_SHARE, MOST_REPEATING
 from chatter_monitor.tracking.spectrum import Cycle
+from chatter_monitor.verdict.irregularity import TINY
 from chatter_monitor.verdict.recent import Recent
 
-# What is now is the mean over so many seconds; the level of a cut the lowest median of so many, before that.
-NOW_S, LEVEL_S = 0.5, 1.0
-
-
-class Rules(NamedTuple):
-    """What is asked for.
-
-    Attributes
-    ----------
-    dispersion, foretold, repeating : float
-        Of the amplitude, of the phase, and the share of all power that repeats: at most.
-    share : float
-        Of all power that is in the band, at least.
-    louder : float
-        By how much louder than its level the cut is, at least (natural logarithm of the amplitude).
-    """
-
-    dispersion: float
-    foretold: float
-    repeating: float
-    share: float
-    louder: float
-
-
-# An amplitude that varies half as much as that of noise; and for as long as the alarm goes on.
-BEGINS = Rules(dispersion=0.5, foretold=0.85, repeating=0.5, share=0.5, louder=LOUDER)
-GOES_ON = Rules(dispersion=0.65, foretold=0.9, repeating=MOST_REPEATING, share=LEAST_SHARE, louder=0.5 * LOUDER)
-
-
-class Heard(NamedTuple):
-    """Numbers of an interval: those of its band, its share of all power, what repeats of that, and how loud it is."""
-
-    dispersion: float
-    foretold: float
-    repeating: float
-    share: float
-    level: float
+# The level of a cut is the lowest median of so many seconds; what is held against it the mean of so many, after that.
+LEVEL_S, NOW_S = 1.0, 0.5
+# A phase that is foretold better is a force's; and where most of the power repeats no alarm begins.
+FORETOLD, REPEATING = 0.85, 0.5
+# Dispersion of noise, and between that and a cycle's; by how much it has to be below that, summed over the intervals,
+# until it is certain (Page, Continuous inspection schemes, Biometrika 41 (1954)).
+NOISE, BETWEEN, ENOUGH = 1.0, 0.65, 2.0
 
 
 class LimitCycle:
@@ -68,18 +38,18 @@ class LimitCycle:
     """
 
     def __init__(self, interval_s: float) -> None:
-        self._now = deque[Heard](maxlen=round(NOW_S / interval_s))
+        self._now = round(NOW_S / interval_s)
         self._levels = Recent(round(LEVEL_S / interval_s))
         self._enough = round(LEVEL_S / interval_s)
-        self._lowest = deque[float](maxlen=round(NOW_S / interval_s))
-        self._goes_on = False
+        self._lowest = deque[float](maxlen=self._now)  # up to each of the latest intervals
+        self._told = 0.0  # what the dispersion was below, summed
+        self._certain = False
 
     def rest(self) -> None:
         """Nothing is cut, or a cut begins."""
-        self._now.clear()
         self._levels.clear()
         self._lowest.clear()
-        self._goes_on = False
+        self._told, self._certain = 0.0, False
 
     def hear(self, cycle: Cycle | None, power: float, rest: float, repeating: float) -> float:
         """Hear an interval of cutting.
@@ -87,7 +57,7 @@ class LimitCycle:
         Parameters
         ----------
         cycle : Cycle or None
-            What the loudest band keeps.
+            What the loudest band keeps of amplitude and phase.
         power, rest : float
             Of the signal, and of what does not turn.
         repeating : float
@@ -98,34 +68,19 @@ class LimitCycle:
         float
             How many times its lowest power the cut has, if this is an alarm; 0 if not.
         """
-        level = 0.5 * math.log(power) if power > 0.0 else -math.inf
-        rise = self._rise(level)
-        if cycle is None:
-            self._now.clear()
-            self._goes_on = False
-            return 0.0
-        self._now.append(Heard(cycle.dispersion, cycle.foretold, repeating, cycle.share * rest / power, level))
-        if len(self._now) < (self._now.maxlen or 0):
-            return 0.0
-        now = Heard(*map(fmean, zip(*self._now, strict=True)))
-        self._goes_on = _keeps(now, rise, GOES_ON if self._goes_on else BEGINS)
-        return math.exp(2.0 * rise) if self._goes_on else 0.0
+        rise = self._rise(power)
+        dispersion = NOISE
+        if cycle is not None and rise >= LOUDER and repeating <= (MOST_REPEATING if self._certain else REPEATING):
+            own = cycle.share * rest >= LEAST_SHARE * power and cycle.foretold <= FORETOLD
+            dispersion = cycle.dispersion if own else NOISE
+        self._told = min(max(self._told + BETWEEN - dispersion, 0.0), ENOUGH)
+        self._certain = self._told >= ENOUGH or (self._certain and self._told > 0.0)
+        return math.exp(2.0 * rise) if self._certain else 0.0
 
-    def _rise(self, level: float) -> float:
-        """By how much the mean level of now is above the lowest before; 0 as long as that is not known."""
-        before = self._lowest[0] if len(self._lowest) == self._lowest.maxlen else math.inf
-        self._levels.append(level)
+    def _rise(self, power: float) -> float:
+        """By how much it is louder than at its lowest before (natural logarithm of the amplitude); 0 if unknown."""
+        before = self._lowest[0] if len(self._lowest) == self._now else math.inf
+        self._levels.append(0.5 * math.log(max(power, TINY)))
         if len(self._levels) >= self._enough:
             self._lowest.append(min(self._levels.median, self._lowest[-1] if self._lowest else math.inf))
-        return max(0.0, fmean(self._levels.last(self._lowest.maxlen or 0)) - before) if before < math.inf else 0.0
-
-
-def _keeps(now: Heard, rise: float, rules: Rules) -> bool:
-    """Whether a vibration keeps its amplitude and not its phase, takes the power, and has made the cut louder."""
-    return (
-        now.dispersion <= rules.dispersion
-        and now.foretold <= rules.foretold
-        and now.repeating <= rules.repeating
-        and now.share >= rules.share
-        and rise >= rules.louder
-    )
+        return max(fmean(self._levels.last(self._now)) - before, 0.0)

@@ -394,7 +394,7 @@ def test_what_keeps_its_amplitude_and_not_its_phase_is_an_alarm_where_the_cut_go
     assert "self_excited" not in states(*calm, *[evidence(*broad, rms=3.0)] * 40)
     verdicts = judged(*calm, *[evidence(*broad, rms=3.0, **kept)] * 40, *[SILENCE] * 5)
     alarms = [verdict for verdict in verdicts if verdict.state == "self_excited"]
-    assert 30 <= len(alarms) <= 40
+    assert 25 <= len(alarms) <= 35
     assert {verdict.frequency_hz for verdict in alarms} == {700.0}
     (why,) = alarms[-1].reasons
     assert (

@@ -1,4 +1,4 @@
-"""When what keeps its amplitude and not its phase is an alarm: all five things tell it, for half a second."""
+"""When what keeps its amplitude and not its phase is an alarm: it takes most of the power, and made the cut louder."""
 
 from __future__ import annotations
 
@@ -6,96 +6,95 @@ import math
 
 import pytest
 
+from chatter_monitor.kernels.kinds import LOUDER
+from chatter_monitor.kernels.limit_cycle import LEAST_SHARE, MOST_REPEATING
 from chatter_monitor.tracking.spectrum import Cycle
-from chatter_monitor.verdict.limit_cycle import BEGINS, GOES_ON, LEVEL_S, NOW_S, LimitCycle
+from chatter_monitor.verdict.limit_cycle import BETWEEN, ENOUGH, FORETOLD, LEVEL_S, NOISE, NOW_S, REPEATING, LimitCycle
 
 INTERVAL_S = 0.05
 NOW, LEVEL = round(NOW_S / INTERVAL_S), round(LEVEL_S / INTERVAL_S)
-QUIET = 1.0
-TELLING = BEGINS._replace(dispersion=0.3, foretold=0.6, repeating=0.3, share=0.8, louder=1.2)
+TELLING = Cycle(800.0, 0.8, 0.25, 0.6)
+LOUD = 1.5 * LOUDER
+# Intervals until the mean over `NOW` is loud enough, and from then on until it is certain.
+LATER = NOW + math.ceil(ENOUGH / (BETWEEN - TELLING.dispersion))
 
 
-def hear(followed, intervals, rules=TELLING):
-    """How many times as loud each interval is said to be, if it is an alarm: of what is told by so much."""
-    cycle = Cycle(800.0, rules.share, rules.dispersion, rules.foretold)
-    power = QUIET * math.exp(2.0 * rules.louder)
-    return [followed.hear(cycle, power, power, rules.repeating) for _ in range(intervals)]
+def hear(followed, intervals, cycle=TELLING, louder=LOUD, rest=1.0, repeating=0.3):
+    """How many times as loud each interval is said to be, if it is an alarm: as loud, and with so much not turning."""
+    power = math.exp(2.0 * louder)
+    return [followed.hear(cycle, power, rest * power, repeating) for _ in range(intervals)]
 
 
-def calm(rules=TELLING, intervals=LEVEL + NOW):
+def calm(intervals=LEVEL + NOW):
     """A cut that has been as loud as it is at its lowest for so long."""
     followed = LimitCycle(INTERVAL_S)
-    assert not any(hear(followed, intervals, rules._replace(louder=0.0)))
+    assert not any(hear(followed, intervals, louder=0.0))
     return followed
 
 
-def weaker(rules, by=1.05):
-    """Each thing that is asked for, missed by a little."""
-    for name in ("dispersion", "foretold", "repeating"):
-        yield rules._replace(**{name: by * getattr(rules, name)})
-    for name in ("share", "louder"):
-        yield rules._replace(**{name: getattr(rules, name) / by})
+def test_what_tells_is_summed_until_it_is_certain():
+    """It tells how many times the lowest power there is now; of what is nearer to noise it takes longer."""
+    told = hear(calm(), 2 * LATER)
+    assert not any(told[: LATER - NOW])
+    assert all(told[LATER:])
+    assert told[-1] == pytest.approx(math.exp(2.0 * LOUD))
+    doubtful = TELLING._replace(dispersion=BETWEEN - 0.1)
+    assert not any(hear(calm(), round(ENOUGH / 0.1) - 1, doubtful))
+    assert hear(calm(), NOW + math.ceil(ENOUGH / 0.1), doubtful)[-1] > 0.0
 
 
-def stronger(rules, by=1.02):
-    """All that is asked for, kept by a little."""
-    kept = (rules.dispersion / by, rules.foretold / by, rules.repeating / by)
-    return rules._replace(dispersion=kept[0], foretold=kept[1], repeating=kept[2], share=by * rules.share)
+@pytest.mark.parametrize(
+    ("about", "alarm"),
+    [
+        ({"cycle": TELLING._replace(dispersion=1.02 * BETWEEN)}, False),
+        ({"cycle": TELLING._replace(foretold=0.98 * FORETOLD)}, True),
+        ({"cycle": TELLING._replace(foretold=1.02 * FORETOLD)}, False),
+        ({"cycle": TELLING._replace(share=1.02 * LEAST_SHARE)}, True),
+        ({"cycle": TELLING._replace(share=0.98 * LEAST_SHARE)}, False),
+        ({"rest": 0.98 * LEAST_SHARE / TELLING.share}, False),  # of all power it may be little
+        ({"louder": 1.02 * LOUDER}, True),
+        ({"louder": 0.98 * LOUDER}, False),
+        ({"repeating": 0.98 * REPEATING}, True),
+        ({"repeating": 1.02 * REPEATING}, False),
+        ({"cycle": None}, False),
+    ],
+)
+def test_noise_a_force_a_small_line_and_a_cut_that_is_no_louder_are_none(about, alarm):
+    """Each thing that is asked for, had or missed by a little, the others being had."""
+    assert bool(hear(calm(), 3 * LATER, **about)[-1]) is alarm
 
 
-def test_all_together_are_an_alarm_after_half_a_second():
-    """It tells how many times the lowest power there is now."""
-    told = hear(calm(), 2 * NOW)
-    assert any(told[:NOW])
-    assert told[-1] == pytest.approx(math.exp(2.0 * TELLING.louder))
-
-
-def test_what_is_just_enough():
-    """Each thing at its limit, and the loudness a little above it."""
-    assert hear(calm(), 2 * NOW, stronger(BEGINS)._replace(louder=1.02 * BEGINS.louder))[-1] > 0.0
-
-
-@pytest.mark.parametrize("rules", [*weaker(BEGINS)])
-def test_one_that_misses_is_none(rules):
-    """Noise, a force, what repeats, a small line, and a cut that is no louder."""
-    others = {name: getattr(TELLING, name) for name, asked in BEGINS._asdict().items() if getattr(rules, name) == asked}
-    rules = rules._replace(**others)
-    assert not any(hear(calm(rules), 3 * NOW, rules))
-
-
-@pytest.mark.parametrize(("rules", "goes_on"), [(stronger(GOES_ON), True), *((r, False) for r in weaker(GOES_ON))])
-def test_an_alarm_goes_on_with_less(rules, goes_on):
-    """But not with any less than that."""
+def test_an_alarm_goes_on_until_as_much_speaks_against_it():
+    """What is not a cycle any more is as good as noise."""
     followed = calm()
-    assert hear(followed, 2 * NOW)[-1] > 0.0
-    others = rules._replace(louder=1.02 * GOES_ON.louder) if goes_on else rules
-    assert bool(hear(followed, 3 * NOW, others)[-1]) is goes_on
+    assert hear(followed, 2 * LATER)[-1] > 0.0
+    against = math.ceil(ENOUGH / (NOISE - BETWEEN))
+    assert all(hear(followed, against - 1, cycle=None))
+    assert not any(hear(followed, against, cycle=None)[1:])
+    assert not any(hear(followed, LATER - NOW - 1))
+    assert hear(followed, LATER)[-1] > 0.0
+
+
+@pytest.mark.parametrize(("repeating", "goes_on"), [(0.98 * MOST_REPEATING, True), (1.02 * MOST_REPEATING, False)])
+def test_an_alarm_goes_on_where_more_repeats(repeating, goes_on):
+    """About the border it would come and go."""
+    followed = calm()
+    assert hear(followed, 2 * LATER)[-1] > 0.0
+    assert bool(hear(followed, LATER, repeating=repeating)[-1]) is goes_on
 
 
 def test_a_cut_that_is_loud_from_the_start_has_no_lower_level():
     """Who does not know how loud the cut was does not say that it got louder."""
     assert not any(hear(LimitCycle(INTERVAL_S), 10 * LEVEL))
-    assert not any(hear(calm(intervals=LEVEL // 2), 3 * NOW))
+    assert not any(hear(calm(intervals=LEVEL // 2), 3 * LATER))
 
 
 def test_another_cut_begins_anew():
-    """And so does what is not looked at for an interval."""
+    """Its level is not that of the one before, nor is the alarm."""
     followed = calm()
+    assert hear(followed, 2 * LATER)[-1] > 0.0
     followed.rest()
     assert not any(hear(followed, 10 * LEVEL))
-    followed = calm()
-    assert hear(followed, 2 * NOW)[-1] > 0.0
-    assert followed.hear(None, 10.0, 10.0, 0.9) == 0.0
-    assert not any(hear(followed, NOW - 1))
-    assert all(hear(followed, NOW))
-
-
-def test_only_what_does_not_turn_may_chatter():
-    """The band's share is that of the rest: of all power it may be little."""
-    followed = calm()
-    power = math.exp(2.0 * TELLING.louder)
-    cycle = Cycle(800.0, 0.9, TELLING.dispersion, TELLING.foretold)
-    assert not any(followed.hear(cycle, power, 0.4 * power, TELLING.repeating) for _ in range(3 * NOW))
 
 
 def test_silence_is_no_alarm():
