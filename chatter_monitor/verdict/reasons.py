@@ -69,8 +69,8 @@ def irregular(rise: float) -> str:
 
 def cycle(frequency_hz: float, rise: float) -> str:
     """That a vibration keeps its amplitude and not its phase, in a cut that has so many times its lowest power."""
-    kept = f"the vibration at {frequency_hz:.0f} Hz keeps its amplitude, and no force its phase"
-    return f"{kept}; the cut is {10.0 * math.log10(rise):.0f} dB louder than it was"
+    steady = f"the vibration at {frequency_hz:.0f} Hz is steadier than noise, and no force keeps its phase"
+    return f"{steady}; the cut is {10.0 * math.log10(rise):.0f} dB louder than it was"
 
 
 def still_loud(rise: float) -> str:
