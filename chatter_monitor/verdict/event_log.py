@@ -60,10 +60,12 @@ class EventLog:
         ]
         if not heard:
             return None
-        # Another vibration may be meant for an interval, such as after a gap; the event is the one that lasts.
+        # Another vibration may be meant for an interval, such as after a gap; the event is the one that lasts. It is
+        # called by where it mostly was: that with the least damping may be an interval in which it was hardly told.
         usual_hz = statistics.median(hertz for _, hertz in heard)
         lasting = [(damping, hertz) for damping, hertz in heard if abs(hertz - usual_hz) <= SAME_VIBRATION * usual_hz]
-        damping_ratio, frequency_hz = min(lasting or heard)
+        damping_ratio = min(damping for damping, _ in lasting or heard)
+        frequency_hz = statistics.median(hertz for _, hertz in lasting or heard)
         if withdrawn is not None:
             recommendation = Recommendation((), f"nothing: {withdrawn}")
         elif DOUBTED in intervals[-1].reasons:

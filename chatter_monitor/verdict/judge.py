@@ -196,8 +196,9 @@ class Judge:
         times = self._irregularity.hear(power, *turning, calm=calm, turns=orders.rotation_heard)
         rise = self._cycle.hear(evidence.cycle, power, evidence.power, orders.repeating_share)
         if rise > 0.0 and evidence.cycle is not None:
-            hertz = evidence.cycle.frequency_hz
-            return Opinion("self_excited", 1.0, (reasons.cycle(hertz, rise),), vibrations.nearest(hertz))
+            nearest = vibrations.nearest(evidence.cycle.frequency_hz)
+            hertz = evidence.cycle.frequency_hz if nearest is None else nearest.line.frequency_hz
+            return Opinion("self_excited", 1.0, (reasons.cycle(hertz, rise),), nearest)
         if times > 0.0:
             return Opinion("self_excited", 1.0, (reasons.irregular(times),), vibrations.loudest)
         return None

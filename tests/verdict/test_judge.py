@@ -397,7 +397,7 @@ def test_what_keeps_its_amplitude_and_not_its_phase_is_an_alarm_where_the_cut_go
     assert 25 <= len(alarms) <= 35
     assert {verdict.frequency_hz for verdict in alarms} == {700.0}
     (why,) = alarms[-1].reasons
-    steady = "the vibration at 720 Hz is steadier than noise, and no force keeps its phase"
+    steady = "the vibration at 700 Hz is steadier than noise, and no force keeps its phase"
     assert why == f"{steady}; the cut is 10 dB louder than it was"
     assert {verdict.state for verdict in verdicts[-5:]} == {"idle"}
 
