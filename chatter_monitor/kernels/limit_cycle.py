@@ -49,7 +49,7 @@ def hear_band(spectra, valid, powers, totals, lowest, repeating, clock, turns, w
         Share of the power that repeats.
     clock : tuple of int
         Hops and frames so far, samples so far, and samples in a hop.
-    work : ndarray of float64, shape (2 BAND + 1, max(hops, bins))
+    work : ndarray of float64, shape (2 BAND + 2, max(hops, bins))
         Work space.
     told : ndarray of float64, shape (TOLD,)
         The result; NaN where the ring is not full, or nothing is worth it.
@@ -74,7 +74,7 @@ def hear_band(spectra, valid, powers, totals, lowest, repeating, clock, turns, w
         return
     told[MIDDLE], told[SHARE] = middle, share
     told[DISPERSION] = _dispersion(work[:, :size], power, mean)
-    told[FORETOLD] = _foretold(work[:, :size])
+    told[FORETOLD] = _foretold(work[:, :size], work[2 * BAND :, :size])
 
 
 @njit(**OPTIONS)
@@ -146,13 +146,18 @@ def below_its_mean(shape):
 
 
 @njit(**OPTIONS)
-def _foretold(band):
-    """How alike the advance of the phase within a lag is to that within the lag before: 1 for any steady glide."""
+def _foretold(band, advance):
+    """How alike the advance of the phase within a lag is to that within the lag before: 1 for any steady glide.
+
+    ``advance`` is work space, shape (2, hops).
+    """
     size = band.shape[1]
+    for t in range(LAG, size):
+        advance[0, t], advance[1, t] = _advance(band, t)
     all_re = all_im = norm = 0.0
     for t in range(2 * LAG, size):
-        late_re, late_im = _advance(band, t)
-        early_re, early_im = _advance(band, t - LAG)
+        late_re, late_im = advance[0, t], advance[1, t]
+        early_re, early_im = advance[0, t - LAG], advance[1, t - LAG]
         all_re += late_re * early_re + late_im * early_im
         all_im += late_im * early_re - late_re * early_im
         norm += math.sqrt((late_re**2 + late_im**2) * (early_re**2 + early_im**2))

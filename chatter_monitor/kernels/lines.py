@@ -89,7 +89,7 @@ class LineState(NamedTuple):
         Frames that it is compared with (`kernels.rise`).
     cycle : ndarray of float64, shape (TOLD,)
         Whether a vibration keeps its amplitude and not its phase (`kernels.limit_cycle`).
-    band : ndarray of float64, shape (2 BAND + 1, max(hops, bins))
+    band : ndarray of float64, shape (2 BAND + 2, max(hops, bins))
     scratch : ndarray of float64, shape (max(hops, frames),)
         Work space, as the ones before.
     """
@@ -147,7 +147,7 @@ def new_state(window: np.ndarray, interval: int, hops: int, frames: int) -> Line
         line=np.zeros((PARTS, hops)),
         columns=np.zeros(frames, np.int64),
         cycle=np.full(TOLD, np.nan),
-        band=np.zeros((2 * BAND + 1, max(hops, bins))),
+        band=np.zeros((2 * BAND + 2, max(hops, bins))),
         scratch=np.zeros(max(hops, frames)),
     )
 

@@ -87,8 +87,8 @@ class BackEnd:
         # One stage after the other over all frames of a block, so that each finds its code and data in the cache.
         lines = [lines_of(self._spectrum, odp, turned) for odp, turned in tracked]
         margins = [self._margin_of(odp, turned) for odp, turned in tracked]
-        for (odp, turned), (found, *engaged, cycle), margin in zip(tracked, lines, margins, strict=True):
-            cutting, entering, alone, grown = engaged
+        for (odp, turned), told, margin in zip(tracked, lines, margins, strict=True):
+            found, cutting, entering, alone, grown, cycle = told
             yield Observation(odp, turned, found, cutting, margin, entering, alone, grown, cycle)
 
     def digest(self) -> None:

@@ -39,8 +39,8 @@ class LimitCycle:
 
     def __init__(self, interval_s: float) -> None:
         self._now = round(NOW_S / interval_s)
-        self._levels = Recent(round(LEVEL_S / interval_s))
         self._enough = round(LEVEL_S / interval_s)
+        self._levels = Recent(self._enough)
         self._lowest = deque[float](maxlen=self._now)  # up to each of the latest intervals
         self._told = 0.0  # what the dispersion was below, summed
         self._certain = False
@@ -81,6 +81,6 @@ class LimitCycle:
         """By how much it is louder than at its lowest before (natural logarithm of the amplitude); 0 if unknown."""
         before = self._lowest[0] if len(self._lowest) == self._now else math.inf
         self._levels.append(0.5 * math.log(max(power, TINY)))
-        if len(self._levels) >= self._enough:
+        if len(self._levels) == self._enough:
             self._lowest.append(min(self._levels.median, self._lowest[-1] if self._lowest else math.inf))
         return max(fmean(self._levels.last(self._now)) - before, 0.0)

@@ -59,23 +59,23 @@ def chatter(alarm: Followed, orders: Orders) -> tuple[str, ...]:
 
 def loud(suspect: Followed, rise: float) -> str:
     """That what is suspected is an alarm, because the power is so many times what is usual."""
-    return f"{_line(suspect)} has risen, and the cut is {10.0 * math.log10(rise):.0f} dB louder than before"
+    return f"{_line(suspect)} has risen, and the cut is {_decibels(rise)} louder than before"
 
 
 def irregular(rise: float) -> str:
     """That the cut is in no order any more, and has so many times its usual power."""
-    return f"no two rotations are alike any more, and the cut is {10.0 * math.log10(rise):.0f} dB louder than before"
+    return f"no two rotations are alike any more, and the cut is {_decibels(rise)} louder than before"
 
 
 def cycle(frequency_hz: float, rise: float) -> str:
     """That a vibration keeps its amplitude and not its phase, in a cut that has so many times its lowest power."""
     steady = f"the vibration at {frequency_hz:.0f} Hz is steadier than noise, and no force keeps its phase"
-    return f"{steady}; the cut is {10.0 * math.log10(rise):.0f} dB louder than it was"
+    return f"{steady}; the cut is {_decibels(rise)} louder than it was"
 
 
 def still_loud(rise: float) -> str:
     """That an alarm goes on, because the power is so many times what it was before."""
-    return f"the vibration has not died down since the alarm: {10.0 * math.log10(rise):.0f} dB above the cut before it"
+    return f"the vibration has not died down since the alarm: {_decibels(rise)} above the cut before it"
 
 
 def grown(growth: float) -> str:
@@ -109,6 +109,10 @@ def steady(forced: Followed) -> str:
 def damping(mode: ModeEvidence) -> str:
     """Damping ratio of a mode with its 95 % interval."""
     return f"{100 * mode.damping_ratio:.2f} % ± {196 * mode.damping_sd:.2f} %"
+
+
+def _decibels(times: float) -> str:
+    return f"{10.0 * math.log10(times):.0f} dB"
 
 
 def _line(vibration: Followed) -> str:

@@ -85,3 +85,4 @@ def test_what_is_not_worth_asking():
     assert heard(limit_cycle(12.0), noise=2.5 / LEAST_SHARE) is None
     assert heard(limit_cycle(12.0), repeating=1.01 * MOST_REPEATING) is None
     assert heard(limit_cycle(12.0), missing=1) is None
+    assert heard(limit_cycle(12.0), missing=2 * INTERVAL) is None

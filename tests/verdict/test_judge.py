@@ -400,6 +400,9 @@ def test_what_keeps_its_amplitude_and_not_its_phase_is_an_alarm_where_the_cut_go
     steady = "the vibration at 700 Hz is steadier than noise, and no force keeps its phase"
     assert why == f"{steady}; the cut is 10 dB louder than it was"
     assert {verdict.state for verdict in verdicts[-5:]} == {"idle"}
+    *_, unnamed = judged(*calm, *[evidence(rms=3.0, **kept)] * 40)  # no line stands out of it
+    assert (unnamed.state, unnamed.frequency_hz) == ("self_excited", None)
+    assert unnamed.reasons[0].startswith("the vibration at 720 Hz is steadier than noise")
 
 
 def test_what_is_suspected_is_an_alarm_when_the_cut_gets_loud():
