@@ -4,14 +4,17 @@ Each run is a pause, a pass of a simulated cut that begins calm and turns to cha
 in a room as `benchmarks.verdict.shift` makes them, with the speed told in the pause or never. Of the second pass more
 is known, so no less of its chatter is to be told.
 
-Run: python -m benchmarks.verdict.next_passes [--cuts 100] [--seed 1] [--split report|development] [--first N]
-    [--cache DIR]
+Or, with ``--at-once``, two passes of its calm part, and one of what it is a second after it turned to chatter: a tool
+that chatters from the first contact on.
+
+Run: python -m benchmarks.verdict.next_passes [--at-once] [--cuts 100] [--seed 1] [--split report|development]
+    [--first N] [--cache DIR]
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -32,18 +35,20 @@ from benchmarks.verdict.shift import TONES, air, choose_library, enter_and_leave
 # Whole intervals of a cut that are left out; it is calm for so many more before it chatters.
 SETTLING = round(SETTLING_S / INTERVAL_S)
 CALM = round(2.0 / INTERVAL_S)
+# So many after it has turned to chatter, that is there.
+GROWN = round(1.0 / INTERVAL_S)
 PAUSE_S, AIR_S = 6.0, 5.0
-NAMES = ("first", "second")
-PASSES = len(NAMES)
+
+Labels = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Run:
-    """What was said of passes of one cut: states of each, and truth, shape (intervals,)."""
+    """What was said of passes of one cut: truth of each, shape (intervals,), and states."""
 
     cut: Cut
     told: bool
-    labels: NDArray[np.int64]
+    truth: list[Labels]
     passes: list[list[str]]
 
     def told_of(self, number: int) -> int:
@@ -54,14 +59,13 @@ class Run:
         """Others that are."""
         return self._alarms(number, (Label.OTHER, Label.FORCED))
 
-    @property
-    def self_excited(self) -> int:
-        """How many intervals of each pass are."""
-        return int(np.sum(self.labels == Label.SELF_EXCITED))
+    def self_excited(self, number: int) -> int:
+        """How many intervals of a pass are."""
+        return int(np.sum(self.truth[number] == Label.SELF_EXCITED))
 
     def _alarms(self, number: int, labels: tuple[Label, ...]) -> int:
         alarm = np.array(self.passes[number]) == "self_excited"
-        return int(np.sum(alarm & np.isin(self.labels, labels)))
+        return int(np.sum(alarm & np.isin(self.truth[number], labels)))
 
 
 def library(size: int, cache: Path | None, split: Split, first: int) -> list[Cut]:
@@ -76,60 +80,78 @@ def _calm(cut: Cut) -> int:
     return int(chatters[0]) if (cut.truth.label == Label.SELF_EXCITED).any() else 0
 
 
-def job(cut: Cut, rng: np.random.Generator) -> list[Passage]:
-    """Return a pause and passes with air after each, whole intervals each."""
-    source = cut.samples[SETTLING * INTERVAL_SAMPLES :]
+def again(cut: Cut) -> list[slice]:
+    """The whole of a cut, twice, as intervals."""
+    return 2 * [slice(SETTLING, None)]
+
+
+def at_once(cut: Cut) -> list[slice]:
+    """Its calm part, twice, and what has chattered for a while."""
+    calm = slice(SETTLING, SETTLING + _calm(cut))
+    chatters = int(np.flatnonzero(cut.truth.label == Label.SELF_EXCITED)[0])
+    return [calm, calm, slice(chatters + GROWN, None)]
+
+
+def job(cut: Cut, passes: list[slice], rng: np.random.Generator) -> list[Passage]:
+    """Return a pause and passes with air after each, whole intervals each; a pass is called by its number."""
     # as loud as other cuts are while it is calm
-    level, room = level_and_room(rng, source[: _calm(cut) * INTERVAL_SAMPLES])
+    level, room = level_and_room(rng, _samples(cut, slice(SETTLING, SETTLING + _calm(cut))))
     parts = [("pause", air(rng, (PAUSE_S, PAUSE_S), blows=False))]
-    for name in NAMES:
-        parts.append((name, enter_and_leave(rng, level * source)))
+    for number, intervals in enumerate(passes):
+        parts.append((str(number), enter_and_leave(rng, level * _samples(cut, intervals))))
         parts.append(("air", air(rng, (AIR_S, AIR_S), blows=False)))
     return in_room(rng, room, parts, (cut.nominal_rpm, cut.teeth))
 
 
-def runs(cuts: list[Cut], seed: int) -> Iterator[Run]:
+def _samples(cut: Cut, intervals: slice) -> Floats:
+    """Those of whole intervals."""
+    end = None if intervals.stop is None else intervals.stop * INTERVAL_SAMPLES
+    return cut.samples[intervals.start * INTERVAL_SAMPLES : end]
+
+
+def runs(cuts: list[Cut], seed: int, plan: Callable[[Cut], list[slice]] = again) -> Iterator[Run]:
     """Hear the passes of each cut, with the speed told and without."""
     for number, cut in enumerate(cuts):
-        passages = job(cut, np.random.default_rng([12, seed, number]))
-        labels = cut.truth.label[SETTLING:]
+        passages = job(cut, plan(cut), np.random.default_rng([12, seed, number]))
+        truth = [cut.truth.label[intervals] for intervals in plan(cut)]
         for told in (True, False):
-            heard: list[list[str]] = [[] for _ in range(PASSES)]
+            heard: list[list[str]] = [[] for _ in truth]
             for remarks in watch(passages, announce=told):
-                if remarks.doing in NAMES:
-                    heard[NAMES.index(remarks.doing)] += remarks.states
-            if any(len(states) != len(labels) for states in heard):
-                raise RuntimeError(f"not one verdict for each of {len(labels)} intervals of {cut.name}")
-            yield Run(cut, told, labels, heard)
+                if remarks.doing.isdecimal():
+                    heard[int(remarks.doing)] += remarks.states
+            if [len(states) for states in heard] != [len(labels) for labels in truth]:
+                raise RuntimeError(f"not one verdict for each of the intervals of {cut.name}")
+            yield Run(cut, told, truth, heard)
 
 
 def main() -> None:
     """Listen, and count."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verdict.next_passes", description=__doc__)
     parser.add_argument("--cuts", type=int, default=100, help="how many cuts that turn to chatter")
+    parser.add_argument("--at-once", action="store_true", help="calm passes, and one that chatters from its beginning")
     choose_library(parser)
     given = parser.parse_args()
     cuts = library(given.cuts, given.cache, given.split, given.first)
-    every = runs(cuts, given.seed)
+    every = runs(cuts, given.seed, at_once if given.at_once else again)
     heard = list(track(every, "next passes", total=2 * len(cuts), console=Console(stderr=True)))
     table = Table("speed", "pass", "cuts", "never told", "intervals", "recalled", "false alarms")
     for told in (True, False):
         of_these = [run for run in heard if run.told == told]
-        intervals = sum(run.self_excited for run in of_these)
-        for number, name in enumerate(NAMES):
-            found = [run.told_of(number) for run in of_these]
+        for number in range(len(of_these[0].truth)):
+            found = [run.told_of(number) for run in of_these if run.self_excited(number)]
+            intervals = sum(run.self_excited(number) for run in of_these)
             false = sum(run.false_in(number) for run in of_these)
-            counts = len(of_these), found.count(0), intervals
-            recalled = f"{100 * sum(found) / intervals:.1f} %"
-            table.add_row("told" if told else "unknown", name, *map(str, counts), recalled, str(false))
+            never, recalled = (found.count(0), f"{100 * sum(found) / intervals:.1f} %") if intervals else ("", "")
+            cells = number + 1, len(found) or len(of_these), never, intervals, recalled, false
+            table.add_row("told" if told else "unknown", *map(str, cells))
     console = Console()
     console.print(table)
     for run in heard:
-        less = run.told_of(0) - run.told_of(1)
-        if less > 0.1 * run.self_excited:
+        first, last = run.told_of(0), run.told_of(-1)
+        if first - last > 0.1 * run.self_excited(0):
             speed = "told" if run.told else "unknown"
             console.print(
-                f"{less} of {run.self_excited} intervals less in the second pass: {run.cut.name}, speed {speed}"
+                f"{first - last} of {run.self_excited(0)} intervals less in the last pass: {run.cut.name}, {speed}"
             )
 
 

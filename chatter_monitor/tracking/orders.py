@@ -23,6 +23,7 @@ from chatter_monitor.kernels.taken import share_taken
 from chatter_monitor.tracking.comb import Target, is_locked, is_mains
 from chatter_monitor.tracking.follower import CombFollower
 from chatter_monitor.tracking.harmonics import Harmonics
+from chatter_monitor.tracking.long_spectrum import LongSpectrum, Spectrum
 from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S
@@ -123,6 +124,9 @@ class Orders(NamedTuple):
         A line with sidebands that is no multiple of their spacing, in the window before.
     doubted : bool
         Whether the speed that was told is not believed any more: what turns speaks against it.
+    spectrum : ndarray of float32 or None
+        Of the signal with all that turns, until the frame before this one, with every fourth frame
+        (`tracking.long_spectrum`).
     """
 
     first_sample: int
@@ -141,6 +145,7 @@ class Orders(NamedTuple):
     sidebands: Sidebands | None = None
     doubted: bool = False
     recurring_share: float | None = None
+    spectrum: Spectrum | None = None
 
     @property
     def spindle(self) -> tuple[float | None, float | None]:
@@ -211,6 +216,7 @@ class OrderTracker:
         self._compare = bound(recurring_share, self._signals[0], self._past, 0.0)
         self._recurring: float | None = None
         self._comb_hz: float | None = None  # where no speed is told, of the comb with most power, the mains apart
+        self._long_spectrum, self._spectrum = LongSpectrum(sample_rate_hz, size), None
         self._filled = 0
         self._undigested = False  # whether the signals are those of a whole frame that has ended
         self._next_sample = 0
@@ -259,6 +265,7 @@ class OrderTracker:
         if not self._undigested:
             return
         self._undigested = False
+        self._spectrum = self._long_spectrum.hear(self._signals[0])
         first, second = self._followers
         rotation_hz = self._rotation_hz
         found = first.end_frame(self._signals[0], sidebands=self._sidebands, rotation_hz=rotation_hz)
@@ -395,6 +402,7 @@ class OrderTracker:
             sidebands=self._sidebands,
             doubted=self._followers[0].doubts,
             recurring_share=self._recurring,
+            spectrum=self._spectrum,
         )
 
     def _from_memory(self, sample: int) -> tuple[float | None, float | None, Source | None]:

@@ -149,6 +149,8 @@ class Evidence(NamedTuple):
         The line that stands out most has grown out of a mode that sounded in the cut before.
     cycle : Cycle or None
         What the loudest band keeps of amplitude and phase.
+    same_cut : bool
+        What forces the cut is the same as in the passes before (`verdict.former_passes`).
     held : bool
         No sample of the interval could be adapted to: nothing moves.
     starting : bool
@@ -172,6 +174,12 @@ class Evidence(NamedTuple):
     alone: bool = False
     grown: bool = False
     cycle: Cycle | None = None
+    same_cut: bool = False
+
+    @property
+    def spindle_heard(self) -> bool:
+        """Whether the spindle is heard, at a speed that is told, or at that at which it turned in the passes before."""
+        return self.orders.spindle_heard or (self.same_cut and self.orders.rotation_hz is not None)
 
     @property
     def grown_hz(self) -> float | None:

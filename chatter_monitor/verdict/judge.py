@@ -16,6 +16,7 @@ from chatter_monitor.tracking.margin_tracker import FRAMES_TO_RENEW
 from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.arrival import Arrival
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, spindle_order
+from chatter_monitor.verdict.former_passes import FormerPasses
 from chatter_monitor.verdict.irregularity import Irregularity
 from chatter_monitor.verdict.level import Level
 from chatter_monitor.verdict.limit_cycle import LimitCycle
@@ -66,6 +67,7 @@ class Judge:
         self._loudness = Loudness(interval_s)
         self._irregularity = Irregularity(interval_s)
         self._cycle = LimitCycle(interval_s)
+        self._passes = FormerPasses(interval_s)
         self._arrival = Arrival(interval_s)
         self._surge = Surge(interval_s)
         self._level = Level(interval_s)
@@ -88,12 +90,14 @@ class Judge:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif (quiet := _quiet(evidence, memory, settings)) is not None:
             self._rest(forget=evidence.alone or self._arrival.came_with_tool(power))
+            self._passes.rest(evidence.orders.spectrum)
             self._irregularity.idle(power, evidence.orders.recurring_share)
             memory = memory._replace(told=Told())
             view = Opinion("idle", 0.95, (quiet,))
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         elif evidence.entering:
+            self._passes.cut(evidence.orders.spectrum, calm=memory.calm)
             by_tool = self._arrival.began_with_tool()
             self._rest(forget=evidence.alone or by_tool)
             repeating = repeating_share(evidence.orders, Told())
@@ -103,7 +107,8 @@ class Judge:
             if by_tool:
                 view = view._replace(reasons=(reasons.CAME_WITH_TOOL, *view.reasons))
         else:
-            memory = self._follow(memory, evidence)
+            self._passes.cut(evidence.orders.spectrum, calm=memory.calm)
+            memory = self._follow(memory, evidence._replace(same_cut=self._passes.same))
             view = opinion(evidence, memory, settings)
             alarm = {"by_line": view.state == "self_excited", "goes_on": memory.since_alarm == 0.0}
             self._origin.hear(evidence.grown_hz, memory.told, is_cut=self._loudness.is_cut, **alarm)
@@ -195,6 +200,9 @@ class Judge:
         turning = orders.recurring_share, orders.repeating_share, orders.rotation_hz
         times = self._irregularity.hear(power, *turning, calm=calm, turns=orders.rotation_heard)
         rise = self._cycle.hear(evidence.cycle, power, evidence.power, orders.repeating_share)
+        new = self._passes.new
+        if new is not None:
+            return Opinion("self_excited", 1.0, (reasons.new(new),), vibrations.nearest(new.hertz))
         if rise > 0.0 and evidence.cycle is not None:
             nearest = vibrations.nearest(evidence.cycle.frequency_hz)
             hertz = evidence.cycle.frequency_hz if nearest is None else nearest.line.frequency_hz

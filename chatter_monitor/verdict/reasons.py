@@ -7,6 +7,7 @@ import math
 from chatter_monitor.kernels.testimony import CARRIER_HZ
 from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.evidence import ModeEvidence, Vibration
+from chatter_monitor.verdict.former_passes import New
 from chatter_monitor.verdict.vibrations import Followed
 
 # Said of every interval in which something is cut.
@@ -71,6 +72,12 @@ def cycle(frequency_hz: float, rise: float) -> str:
     """That a vibration keeps its amplitude and not its phase, in a cut that has so many times its lowest power."""
     steady = f"the vibration at {frequency_hz:.0f} Hz is steadier than noise, and no force keeps its phase"
     return f"{steady}; the cut is {_decibels(rise)} louder than it was"
+
+
+def new(new: New) -> str:
+    """That a pass is as the ones before but for what is new in it."""
+    same = "what forces the cut is the same as in the passes before"
+    return f"{same}, but {100 * new.share:.0f} % of the power is new, most of it at {new.hertz:.0f} Hz"
 
 
 def still_loud(rise: float) -> str:

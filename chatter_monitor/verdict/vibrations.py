@@ -242,8 +242,8 @@ def _testimony(
     return (
         evidence.vibrations.table,
         taken,
-        orders.source == "found",
-        orders.spindle_heard,
+        orders.source == "found" and not evidence.same_cut,
+        evidence.spindle_heard,
         *((math.nan, math.nan) if beside is None else (beside.carrier_hz, beside.spacing_hz)),
         orders.growth,
         evidence.power,
