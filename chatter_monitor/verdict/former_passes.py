@@ -48,8 +48,9 @@ BESIDE = 14
 BAND, BEYOND = 10, math.exp(1.2)
 # Share of new power that speaks for chatter, and by how much it has to be beyond that, summed over spectra.
 BETWEEN, ENOUGH = 0.2, 0.25
-# For so many spectra a pass goes on being the same when that is not heard, because it is drowned.
-GOES_ON = 5
+# What a spectrum counts in which the cut is the same, and in which it is not, for it is drowned; and within which bounds
+# their sum stays: a pass is the same as long as that is positive.
+SAME, NOT_SAME, SURELY = 2, -1, 5
 
 
 class New(NamedTuple):
@@ -66,6 +67,7 @@ class _Reference:
         self.mean = spectra.mean(axis=0, dtype=float)
         self.lines = _steady_lines(spectra, self.mean, air)
         largest = np.max([_bands(each) for each in spectra], axis=0)
+        self.power = float(np.median([_bands(each).sum() for each in spectra]))
         self.bands = np.max([largest, np.append(largest[1:], 0.0), np.append(0.0, largest[:-1])], axis=0)
 
 
@@ -86,7 +88,7 @@ class FormerPasses:
         self._remembered: list[Spectrum] = []  # of which that is
         self._pass = deque[Spectrum](maxlen=REMEMBERED)
         self._unsure = deque[Spectrum](maxlen=round(BEFORE_ALARM_S / (LENGTH_S / 2)))
-        self._same = self._was_same = 0  # spectra for which this pass goes on being the same; whether it ever was
+        self._same, self._was_same = 0, False  # what spectra of this pass counted; whether it ever was the same
         self._gain = 1.0
         self._told, self._certain = 0.0, False
         self._new = New(0.0, math.nan)
@@ -132,7 +134,7 @@ class FormerPasses:
 
     def _begin_pass(self) -> None:
         self._cutting, self._since = True, 0
-        self._same = self._was_same = 0
+        self._same, self._was_same = 0, False
         self._told, self._certain = 0.0, False
         if self._remembered and self._air is not None:
             self._reference = _Reference(np.array(self._remembered), self._air)
@@ -159,16 +161,17 @@ class FormerPasses:
             return
         bands, in_air = _bands(spectrum), _bands(air)
         gain = self._same_cut(spectrum, bands, reference)
-        if gain is not None:
-            self._same, self._was_same, self._gain = GOES_ON, 1, gain
-        elif not self._certain:
-            self._same -= 1
+        if gain is not None or not self._certain:  # what chatters may drown it
+            self._same += NOT_SAME if gain is None else SAME
+            self._same = min(max(self._same, -SURELY), SURELY)
+        self._gain = self._gain if gain is None else gain
+        self._was_same |= self.same
         share = BETWEEN
-        if self._same > 0:
+        if self.same:
             new = _beyond(bands, reference, in_air, self._gain)
-            share = float(new.sum() / bands.sum())
+            share = float(new.sum() / max(bands.sum(), self._gain * reference.power))
             self._new = New(share, (float(new.argmax()) + 0.5) * BAND * BIN_HZ)
-        self._told = min(max(self._told + share - BETWEEN, 0.0), ENOUGH) if self._same > 0 else 0.0
+        self._told = min(max(self._told + share - BETWEEN, 0.0), ENOUGH) if self.same else 0.0
         self._certain = self._told >= ENOUGH or (self._certain and self._told > 0.0)
 
     def _same_cut(self, spectrum: Spectrum, bands: Floats, reference: _Reference) -> float | None:
