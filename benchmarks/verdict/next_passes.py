@@ -39,6 +39,7 @@ CALM = round(2.0 / INTERVAL_S)
 GROWN = round(1.0 / INTERVAL_S)
 PAUSE_S, AIR_S = 6.0, 5.0
 
+Floats = NDArray[np.float64]
 Labels = NDArray[np.int64]
 
 
@@ -82,14 +83,15 @@ def _calm(cut: Cut) -> int:
 
 def again(cut: Cut) -> list[slice]:
     """The whole of a cut, twice, as intervals."""
-    return 2 * [slice(SETTLING, None)]
+    whole = slice(SETTLING, len(cut.truth))
+    return [whole, whole]
 
 
 def at_once(cut: Cut) -> list[slice]:
     """Its calm part, twice, and what has chattered for a while."""
     calm = slice(SETTLING, SETTLING + _calm(cut))
     chatters = int(np.flatnonzero(cut.truth.label == Label.SELF_EXCITED)[0])
-    return [calm, calm, slice(chatters + GROWN, None)]
+    return [calm, calm, slice(chatters + GROWN, len(cut.truth))]
 
 
 def job(cut: Cut, passes: list[slice], rng: np.random.Generator) -> list[Passage]:
@@ -105,8 +107,7 @@ def job(cut: Cut, passes: list[slice], rng: np.random.Generator) -> list[Passage
 
 def _samples(cut: Cut, intervals: slice) -> Floats:
     """Those of whole intervals."""
-    end = None if intervals.stop is None else intervals.stop * INTERVAL_SAMPLES
-    return cut.samples[intervals.start * INTERVAL_SAMPLES : end]
+    return cut.samples[intervals.start * INTERVAL_SAMPLES : intervals.stop * INTERVAL_SAMPLES]
 
 
 def runs(cuts: list[Cut], seed: int, plan: Callable[[Cut], list[slice]] = again) -> Iterator[Run]:

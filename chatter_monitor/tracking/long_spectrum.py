@@ -1,11 +1,13 @@
-"""Power spectrum of the whole signal of one channel over a stretch that is long enough to tell lines of a comb apart."""
+"""Power spectrum of the whole signal of one channel, over a stretch long enough to tell lines of a comb apart."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-Spectrum = NDArray[np.float32]
+from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
+
+Power = NDArray[np.float64]
 
 # Of a signal that is heard for so long the bins are 2.5 Hz apart, and lines 5 Hz apart are told apart.
 LENGTH_S = 0.4
@@ -13,8 +15,9 @@ BIN_HZ = 1.0 / LENGTH_S
 # Spectra overlap by half.
 OVERLAP = 2
 # Beyond this there is little that does not come from below.
-HIGHEST_HZ = 5120.0
-BINS = round(HIGHEST_HZ / BIN_HZ)
+BINS = 2048
+# What is silent has this power, so that it has a logarithm.
+SILENCE = 1e-200
 
 
 class LongSpectrum:
@@ -29,25 +32,25 @@ class LongSpectrum:
     """
 
     def __init__(self, sample_rate_hz: float, interval: int) -> None:
-        self._frames = round(LENGTH_S * sample_rate_hz / interval)
-        self._samples = np.full(self._frames * interval, np.nan)
+        frames = round(LENGTH_S * sample_rate_hz / interval)
+        self._samples = np.full(frames * interval, np.nan)
         self._window = np.hanning(self._samples.size)
+        self._every = frames // OVERLAP
         self._heard = 0
 
-    def hear(self, frame: NDArray[np.float64]) -> Spectrum | None:
+    def hear(self, frame: NDArray[np.float64]) -> Power | None:
         """Hear the next frame, of shape (interval,), NaN where samples are missing.
 
         Returns
         -------
-        ndarray of float32, shape (BINS,), or None
-            Power of each bin, `BIN_HZ` apart from 0 on, in squares of the source's units, not scaled, with every fourth
-            frame; None between, and while samples are missing.
+        ndarray of float64, shape (BINS,), or None
+            With every fourth frame the power of each bin, `BIN_HZ` apart from 0 to 5.1 kHz, in squares of the source's
+            units, not scaled; None between, and while samples are missing.
         """
         self._samples[: -frame.size] = self._samples[frame.size :]
-        self._samples[-frame.size :] = frame
+        self._samples[-frame.size :] = np.where(np.abs(frame) < LARGEST_SAMPLE, frame, np.nan)
         self._heard += 1
-        if self._heard % (self._frames // OVERLAP):
+        if self._heard % self._every or np.isnan(self._samples).any():
             return None
         transform = np.fft.rfft(self._samples * self._window)[:BINS]
-        power = (transform.real**2 + transform.imag**2).astype(np.float32)
-        return power if np.isfinite(power[0]) else None
+        return np.maximum(transform.real**2 + transform.imag**2, SILENCE)

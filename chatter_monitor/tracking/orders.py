@@ -23,7 +23,7 @@ from chatter_monitor.kernels.taken import share_taken
 from chatter_monitor.tracking.comb import Target, is_locked, is_mains
 from chatter_monitor.tracking.follower import CombFollower
 from chatter_monitor.tracking.harmonics import Harmonics
-from chatter_monitor.tracking.long_spectrum import LongSpectrum, Spectrum
+from chatter_monitor.tracking.long_spectrum import LongSpectrum, Power
 from chatter_monitor.tracking.sidebands import Sidebands, find_sidebands
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import INTERVAL_S
@@ -124,7 +124,7 @@ class Orders(NamedTuple):
         A line with sidebands that is no multiple of their spacing, in the window before.
     doubted : bool
         Whether the speed that was told is not believed any more: what turns speaks against it.
-    spectrum : ndarray of float32 or None
+    spectrum : ndarray of float64 or None
         Of the signal with all that turns, until the frame before this one, with every fourth frame
         (`tracking.long_spectrum`).
     """
@@ -145,7 +145,7 @@ class Orders(NamedTuple):
     sidebands: Sidebands | None = None
     doubted: bool = False
     recurring_share: float | None = None
-    spectrum: Spectrum | None = None
+    spectrum: Power | None = None
 
     @property
     def spindle(self) -> tuple[float | None, float | None]:
@@ -216,7 +216,8 @@ class OrderTracker:
         self._compare = bound(recurring_share, self._signals[0], self._past, 0.0)
         self._recurring: float | None = None
         self._comb_hz: float | None = None  # where no speed is told, of the comb with most power, the mains apart
-        self._long_spectrum, self._spectrum = LongSpectrum(sample_rate_hz, size), None
+        self._long_spectrum = LongSpectrum(sample_rate_hz, size)
+        self._spectrum: Power | None = None
         self._filled = 0
         self._undigested = False  # whether the signals are those of a whole frame that has ended
         self._next_sample = 0

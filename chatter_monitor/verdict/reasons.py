@@ -7,7 +7,7 @@ import math
 from chatter_monitor.kernels.testimony import CARRIER_HZ
 from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.evidence import ModeEvidence, Vibration
-from chatter_monitor.verdict.former_passes import New
+from chatter_monitor.verdict.same_cut import New
 from chatter_monitor.verdict.vibrations import Followed
 
 # Said of every interval in which something is cut.

@@ -1,0 +1,138 @@
+"""Whether a cut is the same as before, and which power is new in it, by spectra of the whole signal.
+
+The same is what is forced by the same: steady lines at the same frequencies and in the same relations, all of them
+louder alike where the tool goes deeper. What is beyond that, in whatever band, nothing forces that was there before.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chatter_monitor.tracking.long_spectrum import BIN_HZ, BINS, Power
+
+Indices = NDArray[np.int64]
+
+# Bins of a stretch whose median is the level around a line; the mean of noise over its median.
+STRETCH, MEAN_OVER_MEDIAN = 64, 1.0 / math.log(2.0)
+# A line stands out by so much (power), and comes and goes by less: half of the changes of its logarithm between two
+# spectra that share no sample are below this (ln 3 of noise). In the air it has less than one in so many of its power.
+STANDS_OUT, COMES_AND_GOES, IN_AIR = 5.0, 0.6, 10.0
+# So many that stand out most are asked, and so many have to be there.
+MOST_LINES, FEWEST_LINES = 12, 2
+# A speed is the same within this.
+SAME_SPEED, SPEEDS = 0.003, 7
+# How far a line stands out (natural logarithm) counts between these bounds; their mean, times the root of how many
+# there are, tells that it is no chance, from so much on.
+LEAST, MOST, NO_CHANCE = -1.0, 4.0, 4.0
+# Half of them are within so much (natural logarithm of power) of the relations of before.
+RELATIONS = 0.75
+# What is new has skirts that lift lines within so many Hz of the middle of its band; it is that strong from this share
+# of the power on.
+SKIRTS_HZ, STRONG = 35.0, 0.2
+# Bins of a band, and by how many times its largest power before it has to be louder than what forces the cut explains.
+BAND, BEYOND = 10, math.exp(1.2)
+
+
+class New(NamedTuple):
+    """What is new in a cut: its share of the power, and the frequency of the strongest of it (Hz)."""
+
+    share: float
+    hertz: float
+
+
+class SameCut:
+    """What a cut was like.
+
+    Parameters
+    ----------
+    spectra : sequence of ndarray of float64, shape (BINS,)
+        Of it while it was calm, in the order of time.
+    air : ndarray of float64, shape (BINS,)
+        Largest powers while nothing was cut.
+    """
+
+    def __init__(self, spectra: Sequence[Power], air: Power) -> None:
+        every = np.array(spectra)
+        self._mean = every.mean(axis=0)
+        self._lines = _steady_lines(every, self._mean, air)
+        bands = np.array([_bands(spectrum) for spectrum in spectra])
+        self._power = float(np.median(bands.sum(axis=1)))
+        largest = bands.max(axis=0)
+        self._bands = np.max([largest, np.append(largest[1:], 0.0), np.append(0.0, largest[:-1])], axis=0)
+        self._air = _bands(air)
+
+    def gain(self, spectrum: Power) -> float | None:
+        """By how much what forces the cut has more power than before, at least 1; None where it is another cut."""
+        level = _level(spectrum)
+        gain = self._gain(spectrum, level, self._lines)
+        if gain is None:
+            return None
+        bands = _bands(spectrum)
+        beyond = self._beyond(bands, gain)
+        if beyond.max() < STRONG * bands.sum():
+            return gain
+        aside = np.abs(BIN_HZ * self._lines - _middle_hz(int(beyond.argmax()))) > SKIRTS_HZ
+        return gain if aside.all() else self._gain(spectrum, level, self._lines[aside])
+
+    def new(self, spectrum: Power, gain: float) -> New:
+        """What is new, where what forces the cut has so many times its power: as a share of that of now or of before.
+
+        When the tool leaves what is left is no more than there was.
+        """
+        bands = _bands(spectrum)
+        beyond = self._beyond(bands, gain)
+        share = float(beyond.sum() / max(bands.sum(), gain * self._power))
+        return New(share, _middle_hz(int(beyond.argmax())))
+
+    def _gain(self, spectrum: Power, level: Power, lines: Indices) -> float | None:
+        """By how much these lines have more power, if they are there, and in the relations of before."""
+        if lines.size < FEWEST_LINES:
+            return None
+        heard, stand_out = self._mean[lines], np.full(lines.size, LEAST)
+        for factor in np.linspace(1.0 - SAME_SPEED, 1.0 + SAME_SPEED, SPEEDS):
+            at = np.minimum(np.rint(factor * lines).astype(np.int64), BINS - 1)
+            by = np.clip(np.log(spectrum[at] / level[at]), LEAST, MOST)
+            if by.sum() > stand_out.sum():
+                heard, stand_out = spectrum[at], by
+        if stand_out.mean() * math.sqrt(lines.size) < NO_CHANCE:
+            return None
+        louder = np.log(heard / self._mean[lines])
+        usual = float(np.median(louder))
+        return max(math.exp(usual), 1.0) if np.median(np.abs(louder - usual)) < RELATIONS else None
+
+    def _beyond(self, bands: Power, gain: float) -> Power:
+        """Power of each band beyond what forces the cut makes of it, and beyond that of the air."""
+        explained: Power = BEYOND * np.maximum(gain * self._bands, self._air)
+        return np.maximum(bands - explained, 0.0)
+
+
+def _steady_lines(spectra: NDArray[np.float64], mean: Power, air: Power) -> Indices:
+    """Bins of the lines that stand out most of what is steady and not in the air, ascending."""
+    above = mean / _level(mean)
+    lines = 1 + np.flatnonzero((above[1:-1] > STANDS_OUT) & (mean[1:-1] >= mean[:-2]) & (mean[1:-1] > mean[2:]))
+    lines = lines[mean[lines] > IN_AIR * np.max([air[lines - 1], air[lines], air[lines + 1]], axis=0)]
+    logs = np.log(spectra[:, lines])
+    lines = lines[np.median(np.abs(logs[2:] - logs[:-2]), axis=0) < COMES_AND_GOES]
+    return np.sort(lines[np.argsort(-above[lines])][:MOST_LINES])
+
+
+def _level(spectrum: Power) -> Power:
+    """Mean power of the noise around each bin."""
+    stretches = np.median(spectrum.reshape(-1, STRETCH), axis=1) * MEAN_OVER_MEDIAN
+    return np.interp(np.arange(BINS), (np.arange(stretches.size) + 0.5) * STRETCH, stretches)
+
+
+def _bands(spectrum: Power) -> Power:
+    """Power of each band; none of the lowest, which is offset and drift."""
+    bands: Power = spectrum[: BINS // BAND * BAND].reshape(-1, BAND).sum(axis=1)
+    bands[0] = 0.0
+    return bands
+
+
+def _middle_hz(band: int) -> float:
+    return (band + 0.5) * BAND * BIN_HZ
