@@ -1,4 +1,4 @@
-"""Passes that chatter and come again: the same cut twice in one room, and what of its chatter is told in each."""
+"""Passes that chatter and come again, or come after calm ones, and what of their chatter is told."""
 
 from __future__ import annotations
 
@@ -9,7 +9,19 @@ import pytest
 
 from benchmarks.verdict import next_passes
 from benchmarks.verdict.cut import INTERVAL_SAMPLES, RATE_HZ, Label
-from benchmarks.verdict.next_passes import AIR_S, CALM, PAUSE_S, SETTLING, Run, job, library, runs
+from benchmarks.verdict.next_passes import (
+    AIR_S,
+    CALM,
+    GROWN,
+    PAUSE_S,
+    SETTLING,
+    Run,
+    again,
+    at_once,
+    job,
+    library,
+    runs,
+)
 from tests.test_benchmark_verdict_scoring import LABELS, made_up
 
 
@@ -22,7 +34,7 @@ def cut():
 
 def test_a_pass_comes_twice_with_air_between(cut):
     """Whole intervals, as loud and in the same room, with the speed in the pause; the calm part is as loud as a cut."""
-    pause, first, between, second, after = job(cut, np.random.default_rng(1))
+    pause, first, between, second, after = job(cut, again(cut), np.random.default_rng(1))
     assert pause.samples.size == PAUSE_S * RATE_HZ
     assert between.samples.size == after.samples.size == AIR_S * RATE_HZ
     assert first.samples.size == second.samples.size == (LABELS.size - SETTLING) * INTERVAL_SAMPLES
@@ -35,21 +47,37 @@ def test_a_pass_comes_twice_with_air_between(cut):
     assert {each.announced for each in (first, between, second, after)} == {None}
 
 
-def test_there_is_a_verdict_for_each_interval_of_each_pass(cut):
+def test_what_chatters_at_once_comes_after_its_calm_part_twice(cut):
+    """A second after it has turned to chatter, and as loud beside that as it is."""
+    pause, calm, _, same, air, chatters, _ = job(cut, at_once(cut), np.random.default_rng(1))
+    first = int(np.flatnonzero(LABELS == Label.SELF_EXCITED)[0])
+    assert calm.samples.size == same.samples.size <= (first - SETTLING) * INTERVAL_SAMPLES
+    assert chatters.samples.size == (LABELS.size - first - GROWN) * INTERVAL_SAMPLES
+    assert np.std(chatters.samples) > 5.0 * np.std(calm.samples)
+    assert [each.doing for each in (pause, calm, same, air, chatters)] == ["pause", "0", "1", "air", "2"]
+
+
+@pytest.mark.parametrize("plan", [again, at_once])
+def test_there_is_a_verdict_for_each_interval_of_each_pass(cut, plan):
     """With the speed, and without."""
-    heard = list(runs([cut], seed=1))
+    heard = list(runs([cut], seed=1, plan=plan))
     assert [run.told for run in heard] == [True, False]
-    assert {len(states) for run in heard for states in run.passes} == {LABELS.size - SETTLING}
+    for run in heard:
+        assert [len(states) for states in run.passes] == [len(LABELS[intervals]) for intervals in plan(cut)]
+        assert [run.self_excited(number) for number in range(len(run.truth))] == [
+            np.sum(LABELS[intervals] == Label.SELF_EXCITED) for intervals in plan(cut)
+        ]
 
 
 def test_what_is_told_is_counted_pass_by_pass(cut):
     """What the truth leaves open counts neither way."""
     labels = np.array([Label.OTHER, Label.FORCED, Label.UNSCORED, Label.SELF_EXCITED, Label.SELF_EXCITED])
     calm, alarm = ["forced"] * 5, ["self_excited"] * 5
-    run = Run(cut, True, labels, [["stable", *alarm[1:]], [*calm[:3], "approaching", "self_excited"]])
-    assert run.self_excited == 2
-    assert [run.told_of(number) for number in (0, 1)] == [2, 1]
-    assert [run.false_in(number) for number in (0, 1)] == [1, 0]
+    passes = [["stable", *alarm[1:]], [*calm[:3], "approaching", "self_excited"], calm[:2]]
+    run = Run(cut, True, [labels, labels, labels[:2]], passes)
+    assert [run.self_excited(number) for number in (0, 1, 2)] == [2, 2, 0]
+    assert [run.told_of(number) for number in (0, 1, 2)] == [2, 1, 0]
+    assert [run.false_in(number) for number in (0, 1, 2)] == [1, 0, 0]
 
 
 def test_the_library_has_cuts_that_turn_to_chatter_after_some_calm(monkeypatch):

@@ -28,6 +28,7 @@ from chatter_monitor.verdict.opinion import Memory, opinion
 from chatter_monitor.verdict.settings import JudgeSettings
 from chatter_monitor.verdict.vibrations import Followed, Told, repeating_share
 from tests.verdict.hearing import heard
+from tests.verdict.test_same_cut import CHATTER_HZ, noise, spectra, teeth, tone
 
 HZ = 1067.0
 UNKNOWN_SPEED = Orders(0, None, None, None, 0.0)
@@ -403,6 +404,31 @@ def test_what_keeps_its_amplitude_and_not_its_phase_is_an_alarm_where_the_cut_go
     *_, unnamed = judged(*calm, *[evidence(rms=3.0, **kept)] * 40)  # no line stands out of it
     assert (unnamed.state, unnamed.frequency_hz) == ("self_excited", None)
     assert unnamed.reasons[0].startswith("the vibration at 720 Hz is steadier than noise")
+
+
+def test_power_that_is_new_in_the_same_cut_is_an_alarm_and_is_called_by_its_line():
+    """After a pass that was calm and air; what repeats and is steady is forced until then, and no speed is known."""
+    line = steady(CHATTER_HZ)
+
+    def passing(signal, *vibrations):
+        new = iter(spectra(signal))
+        return [
+            evidence(*vibrations, orders=UNKNOWN_SPEED._replace(spectrum=next(new) if number % 4 == 3 else None))
+            for number in range(60)
+        ]
+
+    air = [each._replace(rms=1e-4) for each in passing(0.01 * noise(1))]
+    calm = [*air, *passing(teeth() + 0.3 * noise(2)), *air]
+    verdicts = judged(*calm, *passing(teeth() + 0.3 * noise(3) + 4.0 * tone(CHATTER_HZ), line), *air)
+    alarms = [verdict for verdict in verdicts if verdict.state == "self_excited"]
+    assert 48 <= len(alarms) <= 52  # all but the first half a second
+    assert alarms[0].t0 > 9.0
+    assert {verdict.frequency_hz for verdict in alarms} == {CHATTER_HZ}
+    (why,) = alarms[0].reasons
+    same = "what forces the cut is the same as in the passes before"
+    assert why.startswith(f"{same}, but 8")
+    assert why.endswith(" % of the power is new, most of it at 738 Hz")
+    assert "self_excited" not in states(*calm, *passing(3.0 * teeth() + 0.9 * noise(3), line), *air)
 
 
 def test_what_is_suspected_is_an_alarm_when_the_cut_gets_loud():
