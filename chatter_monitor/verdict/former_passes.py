@@ -94,9 +94,10 @@ class FormerPasses:
 
     def _end(self) -> None:
         """Remember a pass, besides those before if it was the same cut, or else instead of them."""
-        if len(self._calm) >= FEWEST:
+        calm = [*self._calm, *self._unsure]
+        if len(calm) >= FEWEST:
             before = self._remembered if self._was_same else []
-            self._remembered = [*before, *self._calm][-REMEMBERED:]
+            self._remembered = [*before, *calm][-REMEMBERED:]
         self._calm.clear()
         self._unsure.clear()
         self._air = None

@@ -96,7 +96,7 @@ def test_what_is_another_cut_or_has_nothing_new_is_no_alarm(heard, cut):
 def test_the_first_pass_of_all_has_nothing_to_be_held_against():
     """Nor has one after a pass in which there was an alarm, or one that was too short, or without air before."""
     assert Heard().play(teeth(seconds=PASS_S) + chatter()) == []
-    for first in ({"cut": teeth(seconds=PASS_S), "calm": False}, {"cut": teeth(seconds=2.0)}):
+    for first in ({"cut": teeth(seconds=PASS_S), "calm": False}, {"cut": teeth(seconds=1.1)}):
         played = Heard()
         played.play(**first)
         assert played.play(teeth(seconds=PASS_S) + chatter()) == []

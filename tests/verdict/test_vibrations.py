@@ -250,22 +250,28 @@ def test_overtones_count_off_the_orders(rotation_hz, overtones):
 
 
 @pytest.mark.parametrize(
-    ("source", "share", "rotation_hz", "orders", "counts"),
+    ("source", "share", "rotation_hz", "orders", "same_cut", "counts"),
     [
-        ("refined", 0.1, 30.0, [1], True),
-        ("refined", 0.0, 30.0, [], False),  # it is not heard
-        ("refined", 0.1, 30.0, [], False),  # another comb is, not the spindle's
-        ("found", 0.1, 30.0, [1], False),  # any comb: a new job brings another
-        ("refined", 0.1, 100.0, [1], False),  # on an order
+        ("refined", 0.1, 30.0, [1], False, True),
+        ("refined", 0.0, 30.0, [], False, False),  # it is not heard
+        ("refined", 0.0, 30.0, [], True, True),  # but what forces the cut is the same as before
+        ("refined", 0.1, 30.0, [], False, False),  # another comb is, not the spindle's
+        ("found", 0.1, 30.0, [1], False, False),  # any comb: a new job brings another
+        ("found", 0.1, 30.0, [1], True, True),  # that of the passes before
+        ("refined", 0.1, 100.0, [1], False, False),  # on an order
+        ("found", 0.1, 100.0, [1], True, False),
     ],
 )
-def test_what_is_new_in_a_cut_has_risen_off_the_orders_of_a_known_spindle(source, share, rotation_hz, orders, counts):
+def test_what_is_new_in_a_cut_has_risen_off_the_orders_of_a_known_spindle(
+    source, share, rotation_hz, orders, same_cut, counts
+):
     """A line that was in no cut before, nor in the air, counts as risen by as much where nothing else explains it."""
     seen = interval(495.0, rising=False)
     vibration = at_its_place(seen.vibrations[0], rotation_hz)
     vibration = vibration._replace(line=vibration.line._replace(news=2.0))
     lines = tuple(OrderLine(order, order * rotation_hz, 0.1) for order in orders)
-    seen = seen._replace(orders=Orders(0, rotation_hz, 0.01, source, share, lines), vibrations=heard(vibration))
+    turning = Orders(0, rotation_hz, 0.01, source, share, lines)
+    seen = seen._replace(orders=turning, vibrations=heard(vibration), same_cut=same_cut)
     expected = 2.0 if counts else 0.0
     assert lines_of(seen, Odds())[["long_rise", "absolute_rise"]].tolist() == [(expected, expected)]
 
