@@ -60,6 +60,8 @@ class SameCut:
         every = np.array(spectra)
         self._mean = every.mean(axis=0)
         self._lines = _steady_lines(every, self._mean, air)
+        speeds = np.linspace(1.0 - SAME_SPEED, 1.0 + SAME_SPEED, SPEEDS)
+        self._places = np.minimum(np.rint(np.outer(speeds, self._lines)).astype(np.int64), BINS - 1)
         bands = np.array([_bands(spectrum) for spectrum in spectra])
         self._power = float(np.median(bands.sum(axis=1)))
         largest = bands.max(axis=0)
@@ -68,8 +70,9 @@ class SameCut:
 
     def gain(self, spectrum: Power) -> float | None:
         """By how much what forces the cut has more power than before, at least 1; None where it is another cut."""
-        level = _level(spectrum)
-        gain = self._gain(spectrum, level, self._lines)
+        stand_out = np.log(spectrum[self._places] / _level(spectrum, self._places))
+        every = np.ones(self._lines.size, np.bool_)
+        gain = self._gain(spectrum, stand_out, every)
         if gain is None:
             return None
         bands = _bands(spectrum)
@@ -77,7 +80,7 @@ class SameCut:
         if beyond.max() < STRONG * bands.sum():
             return gain
         aside = np.abs(BIN_HZ * self._lines - _middle_hz(int(beyond.argmax()))) > SKIRTS_HZ
-        return gain if aside.all() else self._gain(spectrum, level, self._lines[aside])
+        return gain if aside.all() else self._gain(spectrum, stand_out, aside)
 
     def new(self, spectrum: Power, gain: float) -> New:
         """What is new, where what forces the cut has so many times its power: as a share of that of now or of before.
@@ -89,19 +92,16 @@ class SameCut:
         share = float(beyond.sum() / max(bands.sum(), gain * self._power))
         return New(share, _middle_hz(int(beyond.argmax())))
 
-    def _gain(self, spectrum: Power, level: Power, lines: Indices) -> float | None:
-        """By how much these lines have more power, if they are there, and in the relations of before."""
-        if lines.size < FEWEST_LINES:
+    def _gain(self, spectrum: Power, stand_out: Power, which: NDArray[np.bool_]) -> float | None:
+        """By how much some lines have more power, if they are there, at one speed, and in the relations of before."""
+        number = int(which.sum())
+        if number < FEWEST_LINES:
             return None
-        heard, stand_out = self._mean[lines], np.full(lines.size, LEAST)
-        for factor in np.linspace(1.0 - SAME_SPEED, 1.0 + SAME_SPEED, SPEEDS):
-            at = np.minimum(np.rint(factor * lines).astype(np.int64), BINS - 1)
-            by = np.clip(np.log(spectrum[at] / level[at]), LEAST, MOST)
-            if by.sum() > stand_out.sum():
-                heard, stand_out = spectrum[at], by
-        if stand_out.mean() * math.sqrt(lines.size) < NO_CHANCE:
+        by = np.clip(stand_out[:, which], LEAST, MOST).sum(axis=1)
+        speed = int(by.argmax())
+        if by[speed] < NO_CHANCE * math.sqrt(number):
             return None
-        louder = np.log(heard / self._mean[lines])
+        louder = np.log(spectrum[self._places[speed, which]] / self._mean[self._lines[which]])
         usual = float(np.median(louder))
         return max(math.exp(usual), 1.0) if np.median(np.abs(louder - usual)) < RELATIONS else None
 
@@ -113,7 +113,7 @@ class SameCut:
 
 def _steady_lines(spectra: NDArray[np.float64], mean: Power, air: Power) -> Indices:
     """Bins of the lines that stand out most of what is steady and not in the air, ascending."""
-    above = mean / _level(mean)
+    above = mean / _level(mean, np.arange(BINS))
     lines = 1 + np.flatnonzero((above[1:-1] > STANDS_OUT) & (mean[1:-1] >= mean[:-2]) & (mean[1:-1] > mean[2:]))
     lines = lines[mean[lines] > IN_AIR * np.max([air[lines - 1], air[lines], air[lines + 1]], axis=0)]
     logs = np.log(spectra[:, lines])
@@ -121,10 +121,11 @@ def _steady_lines(spectra: NDArray[np.float64], mean: Power, air: Power) -> Indi
     return np.sort(lines[np.argsort(-above[lines])][:MOST_LINES])
 
 
-def _level(spectrum: Power) -> Power:
-    """Mean power of the noise around each bin."""
-    stretches = np.median(spectrum.reshape(-1, STRETCH), axis=1) * MEAN_OVER_MEDIAN
-    return np.interp(np.arange(BINS), (np.arange(stretches.size) + 0.5) * STRETCH, stretches)
+def _level(spectrum: Power, bins: Indices) -> Power:
+    """Mean power of the noise around bins."""
+    middle = STRETCH // 2
+    medians = np.partition(spectrum.reshape(-1, STRETCH), middle, axis=1)[:, middle]
+    return np.interp(bins, middle + STRETCH * np.arange(medians.size), medians * MEAN_OVER_MEDIAN)
 
 
 def _bands(spectrum: Power) -> Power:
