@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from statistics import median
 from typing import NamedTuple
 
 import numpy as np
@@ -63,7 +64,7 @@ class SameCut:
         speeds = np.linspace(1.0 - SAME_SPEED, 1.0 + SAME_SPEED, SPEEDS)
         self._places = np.minimum(np.rint(np.outer(speeds, self._lines)).astype(np.int64), BINS - 1)
         bands = np.array([_bands(spectrum) for spectrum in spectra])
-        self._power = float(np.median(bands.sum(axis=1)))
+        self._power = median(bands.sum(axis=1).tolist())
         largest = bands.max(axis=0)
         self._bands = np.max([largest, np.append(largest[1:], 0.0), np.append(0.0, largest[:-1])], axis=0)
         self._air = _bands(air)
@@ -101,9 +102,10 @@ class SameCut:
         speed = int(by.argmax())
         if by[speed] < NO_CHANCE * math.sqrt(number):
             return None
-        louder = np.log(spectrum[self._places[speed, which]] / self._mean[self._lines[which]])
-        usual = float(np.median(louder))
-        return max(math.exp(usual), 1.0) if np.median(np.abs(louder - usual)) < RELATIONS else None
+        louder = np.log(spectrum[self._places[speed, which]] / self._mean[self._lines[which]]).tolist()
+        usual = median(louder)
+        alike = median(abs(each - usual) for each in louder) < RELATIONS
+        return max(math.exp(usual), 1.0) if alike else None
 
     def _beyond(self, bands: Power, gain: float) -> Power:
         """Power of each band beyond what forces the cut makes of it, and beyond that of the air."""
