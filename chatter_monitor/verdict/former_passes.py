@@ -12,10 +12,11 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from statistics import fmean, median
 
 import numpy as np
 
-from chatter_monitor.tracking.long_spectrum import LENGTH_S, OVERLAP, Power
+from chatter_monitor.tracking.long_spectrum import LENGTH_S, OVERLAP, SILENCE, Power
 from chatter_monitor.verdict.same_cut import New, SameCut
 
 # A tool enters, or leaves, within so long; what is heard in a spectrum is to be cut, or air, all along.
@@ -49,6 +50,7 @@ class FormerPasses:
         self._before: SameCut | None = None
         self._calm = deque[Power](maxlen=REMEMBERED)  # of this pass
         self._unsure = deque[Power](maxlen=round(BEFORE_ALARM_S / LENGTH_S * OVERLAP))  # until nothing follows
+        self._powers = deque[float](maxlen=round(LENGTH_S / interval_s))  # of the intervals of a spectrum
         self._begin()
 
     def rest(self, spectrum: Power | None) -> None:
@@ -59,8 +61,18 @@ class FormerPasses:
         if spectrum is not None and self._since >= self._whole:
             self._air = spectrum if self._air is None else np.maximum(self._air, spectrum)
 
-    def cut(self, spectrum: Power | None, *, calm: bool) -> None:
-        """Hear an interval of cutting: a spectrum, if there is one, and whether there was no alarm just now."""
+    def cut(self, spectrum: Power | None, power: float, *, calm: bool) -> None:
+        """Hear an interval of cutting.
+
+        Parameters
+        ----------
+        spectrum : ndarray of float64, shape (BINS,), or None
+            That until the interval before, if there is one (`tracking.long_spectrum`).
+        power : float
+            Of the interval.
+        calm : bool
+            Whether there was no alarm just now.
+        """
         if not self._cutting:
             if self._remembered and self._air is not None:
                 self._before = SameCut(self._remembered, self._air)
@@ -69,12 +81,12 @@ class FormerPasses:
         self._since += 1
         if not calm:
             self._unsure.clear()
-        if spectrum is None or self._since < self._whole:
-            return
-        if self._before is not None:
-            self._compare(spectrum, self._before)
-        if calm and not self._certain:
-            self._learn(spectrum)
+        if spectrum is not None and self._since >= self._whole:
+            if self._before is not None:
+                self._compare(spectrum, self._before)
+            if calm and not self._certain:
+                self._learn(spectrum)
+        self._powers.append(power)
 
     @property
     def same(self) -> bool:
@@ -122,5 +134,7 @@ class FormerPasses:
             return
         self._was_same = True
         self._new = before.new(spectrum, self._gain)
-        self._told = min(max(self._told + self._new.share - BETWEEN, 0.0), ENOUGH)
+        # a blow makes single intervals louder, and what chatters all of them
+        blows = 1.0 - min(median(self._powers) / max(fmean(self._powers), SILENCE), 1.0)
+        self._told = min(max(self._told + self._new.share - blows - BETWEEN, 0.0), ENOUGH)
         self._certain = self._told >= ENOUGH or (self._certain and self._told > 0.0)

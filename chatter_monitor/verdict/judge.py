@@ -97,7 +97,7 @@ class Judge:
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         elif evidence.entering:
-            self._passes.cut(evidence.orders.spectrum, calm=memory.calm)
+            self._passes.cut(evidence.orders.spectrum, power, calm=memory.calm)
             by_tool = self._arrival.began_with_tool()
             self._rest(forget=evidence.alone or by_tool)
             repeating = repeating_share(evidence.orders, Told())
@@ -107,7 +107,7 @@ class Judge:
             if by_tool:
                 view = view._replace(reasons=(reasons.CAME_WITH_TOOL, *view.reasons))
         else:
-            self._passes.cut(evidence.orders.spectrum, calm=memory.calm)
+            self._passes.cut(evidence.orders.spectrum, power, calm=memory.calm)
             memory = self._follow(memory, evidence._replace(same_cut=self._passes.same))
             view = opinion(evidence, memory, settings)
             alarm = {"by_line": view.state == "self_excited", "goes_on": memory.since_alarm == 0.0}

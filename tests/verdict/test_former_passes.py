@@ -11,8 +11,8 @@ from tests.verdict.test_same_cut import CHATTER_HZ, FRAME, PASSING_HZ, RATE_HZ, 
 
 INTERVAL_S = FRAME / RATE_HZ
 AIR_S, PASS_S = 1.5, 3.0
-# The last spectrum is up to four intervals old.
-SOON_S = LENGTH_S + ENTERING_S + 4 * INTERVAL_S
+# The last spectrum is up to five intervals old.
+SOON_S = LENGTH_S + ENTERING_S + 5 * INTERVAL_S
 
 
 class Heard:
@@ -29,9 +29,11 @@ class Heard:
             self.passes.rest(self._long.hear(frame))
             assert self.passes.new is None
             assert not self.passes.same
-        alarms = []
+        alarms, spectrum = [], None
         for number, frame in enumerate(self._frames(cut + 0.3 * self._noise(cut.size / RATE_HZ))):
-            self.passes.cut(self._long.hear(frame), calm=calm and not alarms)
+            heard = self._long.hear(frame)  # with the next interval, as of `tracking.orders`
+            self.passes.cut(spectrum, np.mean(frame**2), calm=calm and not alarms)
+            spectrum = heard
             if self.passes.new is not None:
                 alarms.append((number + 1) * INTERVAL_S)
         return alarms
@@ -75,9 +77,18 @@ def test_chatter_from_the_first_contact_on_is_an_alarm_and_the_next_calm_pass_no
 def test_a_share_that_is_hardly_enough_takes_longer(heard):
     """It is summed."""
     power = np.var(teeth()) + 0.3**2
-    alarms = heard.play(teeth(seconds=PASS_S) + np.sqrt(2 * power * 0.4 / 0.6) * tone(CHATTER_HZ, PASS_S))
+    alarms = heard.play(teeth(seconds=PASS_S) + np.sqrt(2 * power * 0.3 / 0.7) * tone(CHATTER_HZ, PASS_S))
     assert SOON_S < alarms[0] < SOON_S + 0.5
     assert heard.play(teeth(seconds=PASS_S) + np.sqrt(2 * power * 0.15) * tone(CHATTER_HZ, PASS_S)) == []
+
+
+@pytest.mark.parametrize("begins_s", [1.0, 1.05, 1.1, 1.15])
+def test_a_blow_is_no_alarm(heard, begins_s):
+    """It rings for a twentieth of a second, with most of the power of the spectrum that it is in."""
+    t = np.arange(round(PASS_S * RATE_HZ)) / RATE_HZ - begins_s
+    ring = np.where(t > 0.0, np.exp(-np.maximum(t, 0.0) / 0.05), 0.0) * chatter(8.0)
+    assert heard.play(teeth(seconds=PASS_S) + ring) == []
+    assert heard.passes.same
 
 
 @pytest.mark.parametrize(
