@@ -84,7 +84,7 @@ class FormerPasses:
         if spectrum is not None and self._since >= self._whole:
             if self._before is not None:
                 self._compare(spectrum, self._before)
-            if calm and not self._certain:
+            if calm:
                 self._learn(spectrum)
         self._powers.append(power)
 

@@ -32,9 +32,6 @@ SAME_SPEED, SPEEDS = 0.003, 7
 LEAST, MOST, NO_CHANCE = -1.0, 4.0, 4.0
 # Half of them are within so much (natural logarithm of power) of the relations of before.
 RELATIONS = 0.75
-# What is new has skirts that lift lines within so many Hz of the middle of its band; it is that strong from this share
-# of the power on.
-SKIRTS_HZ, STRONG = 35.0, 0.2
 # Bins of a band, and by how many times its largest power before it has to be louder than what forces the cut explains.
 BAND, BEYOND = 10, math.exp(1.2)
 
@@ -71,17 +68,17 @@ class SameCut:
 
     def gain(self, spectrum: Power) -> float | None:
         """By how much what forces the cut has more power than before, at least 1; None where it is another cut."""
-        stand_out = np.log(spectrum[self._places] / _level(spectrum, self._places))
-        every = np.ones(self._lines.size, np.bool_)
-        gain = self._gain(spectrum, stand_out, every)
-        if gain is None:
+        if self._lines.size < FEWEST_LINES:
             return None
-        bands = _bands(spectrum)
-        beyond = self._beyond(bands, gain)
-        if beyond.max() < STRONG * bands.sum():
-            return gain
-        aside = np.abs(BIN_HZ * self._lines - _middle_hz(int(beyond.argmax()))) > SKIRTS_HZ
-        return gain if aside.all() else self._gain(spectrum, stand_out, aside)
+        stand_out = np.log(spectrum[self._places] / _level(spectrum, self._places))
+        by = np.clip(stand_out, LEAST, MOST).sum(axis=1)
+        speed = int(by.argmax())
+        if by[speed] < NO_CHANCE * math.sqrt(self._lines.size):
+            return None
+        louder = np.log(spectrum[self._places[speed]] / self._mean[self._lines]).tolist()
+        usual = median(louder)
+        alike = median(abs(each - usual) for each in louder) < RELATIONS
+        return max(math.exp(usual), 1.0) if alike else None
 
     def new(self, spectrum: Power, gain: float) -> New:
         """What is new, where what forces the cut has so many times its power: as a share of that of now or of before.
@@ -91,21 +88,7 @@ class SameCut:
         bands = _bands(spectrum)
         beyond = self._beyond(bands, gain)
         share = float(beyond.sum() / max(bands.sum(), gain * self._power))
-        return New(share, _middle_hz(int(beyond.argmax())))
-
-    def _gain(self, spectrum: Power, stand_out: Power, which: NDArray[np.bool_]) -> float | None:
-        """By how much some lines have more power, if they are there, at one speed, and in the relations of before."""
-        number = int(which.sum())
-        if number < FEWEST_LINES:
-            return None
-        by = np.clip(stand_out[:, which], LEAST, MOST).sum(axis=1)
-        speed = int(by.argmax())
-        if by[speed] < NO_CHANCE * math.sqrt(number):
-            return None
-        louder = np.log(spectrum[self._places[speed, which]] / self._mean[self._lines[which]]).tolist()
-        usual = median(louder)
-        alike = median(abs(each - usual) for each in louder) < RELATIONS
-        return max(math.exp(usual), 1.0) if alike else None
+        return New(share, (float(beyond.argmax()) + 0.5) * BAND * BIN_HZ)
 
     def _beyond(self, bands: Power, gain: float) -> Power:
         """Power of each band beyond what forces the cut makes of it, and beyond that of the air."""
@@ -135,7 +118,3 @@ def _bands(spectrum: Power) -> Power:
     bands: Power = spectrum[: BINS // BAND * BAND].reshape(-1, BAND).sum(axis=1)
     bands[0] = 0.0
     return bands
-
-
-def _middle_hz(band: int) -> float:
-    return (band + 0.5) * BAND * BIN_HZ

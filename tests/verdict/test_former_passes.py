@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from chatter_monitor.tracking.long_spectrum import LENGTH_S, LongSpectrum
-from chatter_monitor.verdict.former_passes import ENTERING_S, FormerPasses
+from chatter_monitor.verdict.former_passes import BEFORE_ALARM_S, ENTERING_S, FormerPasses
 from tests.verdict.test_same_cut import CHATTER_HZ, FRAME, PASSING_HZ, RATE_HZ, noise, teeth, tone
 
 INTERVAL_S = FRAME / RATE_HZ
@@ -23,8 +23,8 @@ class Heard:
         self._long = LongSpectrum(RATE_HZ, FRAME)
         self._seed = 100
 
-    def play(self, cut, calm=True, air=0.0, air_s=AIR_S):
-        """Air, and a pass; returns when there was an alarm in it, after it began (s)."""
+    def play(self, cut, calm_s=np.inf, air=0.0, air_s=AIR_S):
+        """Air, and a pass, until then without another alarm; returns when there was one, after it began (s)."""
         for frame in self._frames(air + 0.01 * self._noise(air_s)):
             self.passes.rest(self._long.hear(frame))
             assert self.passes.new is None
@@ -32,7 +32,7 @@ class Heard:
         alarms, spectrum = [], None
         for number, frame in enumerate(self._frames(cut + 0.3 * self._noise(cut.size / RATE_HZ))):
             heard = self._long.hear(frame)  # with the next interval, as of `tracking.orders`
-            self.passes.cut(spectrum, np.mean(frame**2), calm=calm and not alarms)
+            self.passes.cut(spectrum, np.mean(frame**2), calm=number * INTERVAL_S < calm_s and not alarms)
             spectrum = heard
             if self.passes.new is not None:
                 alarms.append((number + 1) * INTERVAL_S)
@@ -74,6 +74,14 @@ def test_chatter_from_the_first_contact_on_is_an_alarm_and_the_next_calm_pass_no
     assert heard.passes.same
 
 
+def test_what_came_before_an_alarm_is_not_remembered_as_calm():
+    """It may have been chatter, too: of a first pass it has not been told yet."""
+    played = Heard()
+    late = np.concatenate([0.0 * chatter(), chatter()])
+    assert played.play(teeth(seconds=2 * PASS_S) + late, calm_s=PASS_S + BEFORE_ALARM_S - 0.2) == []
+    assert played.play(teeth(seconds=PASS_S) + chatter())[0] <= SOON_S
+
+
 def test_a_share_that_is_hardly_enough_takes_longer(heard):
     """It is summed."""
     power = np.var(teeth()) + 0.3**2
@@ -107,7 +115,7 @@ def test_what_is_another_cut_or_has_nothing_new_is_no_alarm(heard, cut):
 def test_the_first_pass_of_all_has_nothing_to_be_held_against():
     """Nor has one after a pass in which there was an alarm, or one that was too short, or without air before."""
     assert Heard().play(teeth(seconds=PASS_S) + chatter()) == []
-    for first in ({"cut": teeth(seconds=PASS_S), "calm": False}, {"cut": teeth(seconds=1.1)}):
+    for first in ({"cut": teeth(seconds=PASS_S), "calm_s": 0.0}, {"cut": teeth(seconds=1.1)}):
         played = Heard()
         played.play(**first)
         assert played.play(teeth(seconds=PASS_S) + chatter()) == []

@@ -97,6 +97,12 @@ def test_a_line_that_was_not_there_is_new(before, hertz, amplitude):
         assert abs(middle_hz - hertz) <= 0.5 * BAND * BIN_HZ + BIN_HZ
 
 
+def test_offset_and_drift_are_not_new(before):
+    """They are no vibration."""
+    for spectrum in spectra(teeth() + 0.3 * noise(15) + 1000.0 + 20.0 * tone(3.0)):
+        assert before.new(spectrum, 1.0).share < 0.01
+
+
 def test_what_is_louder_than_it_was_counts_beyond_its_surroundings(before):
     """A mode that noise drives in a deeper cut is no more than the cut is deeper."""
     signal = 5.0 * (teeth() + 0.3 * noise(7)) + 0.9 * BEYOND * tone(CHATTER_HZ)
@@ -133,5 +139,5 @@ def test_what_comes_and_goes_is_no_line_of_a_cut():
 
 def test_when_the_tool_leaves_what_is_left_is_not_new(before):
     """It is little beside what there was."""
-    for spectrum in spectra(0.05 * tone(CHATTER_HZ) + 0.001 * noise(14)):
+    for spectrum in spectra(0.2 * tone(CHATTER_HZ) + 0.001 * noise(14)):
         assert before.new(spectrum, 1.0).share < 0.05
