@@ -33,10 +33,12 @@ class LongSpectrum:
 
     def __init__(self, sample_rate_hz: float, interval: int) -> None:
         frames = round(LENGTH_S * sample_rate_hz / interval)
-        self._samples = np.full(frames * interval, np.nan)
-        self._window = np.hanning(self._samples.size)
-        self._every = frames // OVERLAP
+        self._frames = np.full((frames, interval), np.nan)  # a ring
         self._heard = 0
+        self._every = frames // OVERLAP
+        window = np.hanning(self._frames.size)
+        # by which frame of the ring is the oldest: where a signal begins makes no difference to its power
+        self._windows = [np.roll(window, oldest * interval) for oldest in range(0, frames, self._every)]
 
     def hear(self, frame: NDArray[np.float64]) -> Power | None:
         """Hear the next frame, of shape (interval,), NaN where samples are missing.
@@ -47,10 +49,10 @@ class LongSpectrum:
             With every fourth frame the power of each bin, `BIN_HZ` apart from 0 to 5.1 kHz, in squares of the source's
             units, not scaled; None between, and while samples are missing.
         """
-        self._samples[: -frame.size] = self._samples[frame.size :]
-        self._samples[-frame.size :] = np.where(np.abs(frame) < LARGEST_SAMPLE, frame, np.nan)
+        self._frames[self._heard % len(self._frames)] = frame
         self._heard += 1
-        if self._heard % self._every or np.isnan(self._samples).any():
+        if self._heard % self._every or not np.abs(self._frames).max() < LARGEST_SAMPLE:
             return None
-        transform = np.fft.rfft(self._samples * self._window)[:BINS]
+        window = self._windows[self._heard // self._every % OVERLAP]
+        transform = np.fft.rfft(self._frames.ravel() * window)[:BINS]
         return np.maximum(transform.real**2 + transform.imag**2, SILENCE)

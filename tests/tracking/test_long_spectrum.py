@@ -31,13 +31,15 @@ def test_every_fourth_frame_has_one_from_the_first_on_that_is_whole():
 @pytest.mark.parametrize("hertz", [20.0, 400.0, 402.5, 5000.0])
 def test_a_tone_is_in_its_bin_and_nowhere_else(hertz):
     """A frame of each side apart, of a window whose sum is half of its length."""
-    *_, spectrum = spectra(tone(hertz))
     middle = round(hertz / BIN_HZ)
-    assert spectrum.shape == (BINS,)
-    assert spectrum.argmax() == middle
-    assert spectrum[middle] == pytest.approx((0.25 * LENGTH_S * RATE_HZ) ** 2, rel=0.01)
-    spectrum[middle - 1 : middle + 2] = 0.0
-    assert spectrum.max() < 1e-6 * (LENGTH_S * RATE_HZ) ** 2
+    heard = [spectrum for spectrum in spectra(tone(hertz)) if spectrum is not None]
+    assert len(heard) == 3  # the ring turns in between
+    for spectrum in heard:
+        assert spectrum.shape == (BINS,)
+        assert spectrum.argmax() == middle
+        assert spectrum[middle] == pytest.approx((0.25 * LENGTH_S * RATE_HZ) ** 2, rel=0.01)
+        spectrum[middle - 1 : middle + 2] = 0.0
+        assert spectrum.max() < 1e-6 * (LENGTH_S * RATE_HZ) ** 2
 
 
 @pytest.mark.parametrize("lost", [np.nan, np.inf, 1e200])
