@@ -14,8 +14,8 @@ LENGTH_S = 0.4
 BIN_HZ = 1.0 / LENGTH_S
 # Spectra overlap by half.
 OVERLAP = 2
-# Beyond this there is little that does not come from below.
-BINS = 2048
+# So many of them, if there are as many: beyond there is little that does not come from below.
+MOST_BINS = 2048
 # What is silent has this power, so that it has a logarithm.
 SILENCE = 1e-200
 
@@ -45,14 +45,14 @@ class LongSpectrum:
 
         Returns
         -------
-        ndarray of float64, shape (BINS,), or None
-            With every fourth frame the power of each bin, `BIN_HZ` apart from 0 to 5.1 kHz, in squares of the source's
-            units, not scaled; None between, and while samples are missing.
+        ndarray of float64, shape (bins,), or None
+            With every fourth frame the power of each bin, `BIN_HZ` apart from 0 on, up to 5.1 kHz or half of the sample
+            rate, in squares of the source's units, not scaled; None between, and while samples are missing.
         """
         self._frames[self._heard % len(self._frames)] = frame
         self._heard += 1
         if self._heard % self._every or not np.abs(self._frames).max() < LARGEST_SAMPLE:
             return None
         window = self._windows[self._heard // self._every % OVERLAP]
-        transform = np.fft.rfft(self._frames.ravel() * window)[:BINS]
+        transform = np.fft.rfft(self._frames.ravel() * window)[:MOST_BINS]
         return np.maximum(transform.real**2 + transform.imag**2, SILENCE)

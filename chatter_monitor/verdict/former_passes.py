@@ -66,7 +66,7 @@ class FormerPasses:
 
         Parameters
         ----------
-        spectrum : ndarray of float64, shape (BINS,), or None
+        spectrum : ndarray of float64, shape (bins,), or None
             That until the interval before, if there is one (`tracking.long_spectrum`).
         power : float
             Of the interval.

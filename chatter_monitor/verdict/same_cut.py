@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter_monitor.tracking.long_spectrum import BIN_HZ, BINS, Power
+from chatter_monitor.tracking.long_spectrum import BIN_HZ, SILENCE, Power
 
 Indices = NDArray[np.int64]
 
@@ -48,9 +48,9 @@ class SameCut:
 
     Parameters
     ----------
-    spectra : sequence of ndarray of float64, shape (BINS,)
+    spectra : sequence of ndarray of float64, shape (bins,)
         Of it while it was calm, in the order of time.
-    air : ndarray of float64, shape (BINS,)
+    air : ndarray of float64, shape (bins,)
         Largest powers while nothing was cut.
     """
 
@@ -59,7 +59,7 @@ class SameCut:
         self._mean = every.mean(axis=0)
         self._lines = _steady_lines(every, self._mean, air)
         speeds = np.linspace(1.0 - SAME_SPEED, 1.0 + SAME_SPEED, SPEEDS)
-        self._places = np.minimum(np.rint(np.outer(speeds, self._lines)).astype(np.int64), BINS - 1)
+        self._places = np.minimum(np.rint(np.outer(speeds, self._lines)).astype(np.int64), air.size - 1)
         bands = np.array([_bands(spectrum) for spectrum in spectra])
         self._power = median(bands.sum(axis=1).tolist())
         largest = bands.max(axis=0)
@@ -87,7 +87,7 @@ class SameCut:
         """
         bands = _bands(spectrum)
         beyond = self._beyond(bands, gain)
-        share = float(beyond.sum() / max(bands.sum(), gain * self._power))
+        share = float(beyond.sum() / max(bands.sum(), gain * self._power, SILENCE))
         return New(share, (float(beyond.argmax()) + 0.5) * BAND * BIN_HZ)
 
     def _beyond(self, bands: Power, gain: float) -> Power:
@@ -98,7 +98,7 @@ class SameCut:
 
 def _steady_lines(spectra: NDArray[np.float64], mean: Power, air: Power) -> Indices:
     """Bins of the lines that stand out most of what is steady and not in the air, ascending."""
-    above = mean / _level(mean, np.arange(BINS))
+    above = mean / _level(mean, np.arange(mean.size))
     lines = 1 + np.flatnonzero((above[1:-1] > STANDS_OUT) & (mean[1:-1] >= mean[:-2]) & (mean[1:-1] > mean[2:]))
     lines = lines[mean[lines] > IN_AIR * np.max([air[lines - 1], air[lines], air[lines + 1]], axis=0)]
     logs = np.log(spectra[:, lines])
@@ -108,13 +108,20 @@ def _steady_lines(spectra: NDArray[np.float64], mean: Power, air: Power) -> Indi
 
 def _level(spectrum: Power, bins: Indices) -> Power:
     """Mean power of the noise around bins."""
-    middle = STRETCH // 2
-    medians = np.partition(spectrum.reshape(-1, STRETCH), middle, axis=1)[:, middle]
+    stretches = _in_rows(spectrum, STRETCH)
+    middle = stretches.shape[1] // 2
+    medians = np.partition(stretches, middle, axis=1)[:, middle]
     return np.interp(bins, middle + STRETCH * np.arange(medians.size), medians * MEAN_OVER_MEDIAN)
 
 
 def _bands(spectrum: Power) -> Power:
     """Power of each band; none of the lowest, which is offset and drift."""
-    bands: Power = spectrum[: BINS // BAND * BAND].reshape(-1, BAND).sum(axis=1)
+    bands: Power = _in_rows(spectrum, BAND).sum(axis=1)
     bands[0] = 0.0
     return bands
+
+
+def _in_rows(spectrum: Power, bins: int) -> Power:
+    """So many bins in each, or all in one, shape (n, bins); of the highest some may be left out."""
+    bins = min(bins, spectrum.size)
+    return spectrum[: spectrum.size // bins * bins].reshape(-1, bins)

@@ -97,6 +97,24 @@ def test_a_line_that_was_not_there_is_new(before, hertz, amplitude):
         assert abs(middle_hz - hertz) <= 0.5 * BAND * BIN_HZ + BIN_HZ
 
 
+def test_a_slower_tracker_has_fewer_bins(before):
+    """Of a rate of 6 kHz there are less than half; what is told of them is the same."""
+    few = 1177
+    air, cut = AIR[:few], [spectrum[:few] for spectrum in spectra(teeth() + 0.3 * noise(2))]
+    for spectrum in spectra(2.0 * (teeth() + 0.3 * noise(17)) + 10.0 * tone(CHATTER_HZ)):
+        gain = SameCut(cut, air).gain(spectrum[:few])
+        assert gain == pytest.approx(4.0, rel=0.3)
+        assert SameCut(cut, air).new(spectrum[:few], gain) == pytest.approx(before.new(spectrum, gain), abs=0.05)
+
+
+@pytest.mark.parametrize("few", [1, 2, 3, 9, 63])
+def test_hardly_any_bins_are_no_error(few):
+    """Nobody hears chatter at such a rate, but the monitor runs."""
+    cut = [spectrum[:few] for spectrum in spectra(teeth() + 0.3 * noise(2))]
+    assert SameCut(cut, AIR[:few]).gain(cut[0]) is None
+    assert SameCut(cut, AIR[:few]).new(cut[0], 1.0).share == 0.0
+
+
 def test_offset_and_drift_are_not_new(before):
     """They are no vibration."""
     for spectrum in spectra(teeth() + 0.3 * noise(15) + 1000.0 + 20.0 * tone(3.0)):
