@@ -43,4 +43,5 @@ def test_channels_that_hear_the_same_see_the_same():
         seen.append([(each.orders, each.lines.tolist(), each.margin) for each in channel.process(0, samples)])
     assert seen[0][-1][0].source == "refined"
     assert seen[0][-1][2].frequency_hz is not None
-    assert all(each == seen[0] for each in seen[1:])
+    for each in seen[1:]:
+        np.testing.assert_equal(each, seen[0])
