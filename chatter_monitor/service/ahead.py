@@ -32,7 +32,8 @@ AnyArray = NDArray[Any]
 
 # The two processes take turns at being the slower one: so many blocks may be on their way.
 UNDER_WAY = 8
-_BYTES_OF_SAMPLE, _BYTES_OF_MODE = 8, 17  # of the signal; of a mode's ODPs at one sample
+# Of the signal, of a mode's ODPs at one sample, and of the long spectra for each sample, at most.
+_BYTES_OF_SAMPLE, _BYTES_OF_MODE, _BYTES_OF_SPECTRA = 8, 17, 8
 _ALIGNED = 64  # bytes: an array begins at a multiple of this
 _SLACK = 1.25  # an interval may begin before its block, and each array has a little besides
 _NO_SAMPLES = np.empty((0, 0))
@@ -54,7 +55,7 @@ class FrontEndsAhead:
 
     def __init__(self, settings: Settings, channels: int, source_rate_hz: float, block_samples: int) -> None:
         room = round(_SLACK * UNDER_WAY * channels * block_samples)
-        frames = _BYTES_OF_SAMPLE + settings.tracker.modes * _BYTES_OF_MODE
+        frames = _BYTES_OF_SAMPLE + settings.tracker.modes * _BYTES_OF_MODE + _BYTES_OF_SPECTRA
         self._there = _Shared(RawArray(ctypes.c_uint8, room * _BYTES_OF_SAMPLE))
         self._back = _Shared(RawArray(ctypes.c_uint8, room * frames))
         self._worker = Worker(_serve, self._there, self._back, settings, channels, source_rate_hz)
@@ -158,10 +159,15 @@ class _Shared:
 
 
 class _Intervals(NamedTuple):
-    """Intervals of a channel: what turned in each, and each field of all their frames, arrays of all of them in one."""
+    """Intervals of a channel: what turned in each, and each field of all their frames, arrays of all of them in one.
+
+    And the long spectra, which some of them have.
+    """
 
     orders: list[Orders]
     fields: list[Any]
+    with_spectrum: list[int]
+    spectra: _Place | AnyArray
 
     @classmethod
     def packed(cls, tracked: list[Tracked], shared: _Shared) -> _Intervals:
@@ -170,12 +176,17 @@ class _Intervals(NamedTuple):
         for name in _FIELDS if tracked else ():
             values = [getattr(odp, name) for odp, _ in tracked]
             packed.append(shared.put([v.T for v in values]) if isinstance(values[0], np.ndarray) else values)
-        return cls([orders for _, orders in tracked], packed)
+        spectra = {i: orders.spectrum for i, (_, orders) in enumerate(tracked) if orders.spectrum is not None}
+        orders = [orders._replace(spectrum=None) for _, orders in tracked]
+        return cls(orders, packed, list(spectra), shared.put(list(spectra.values())) if spectra else _NO_SAMPLES)
 
     def unpacked(self, shared: _Shared) -> list[Tracked]:
         """Take them out."""
+        orders = self.orders.copy()
+        for i, spectrum in zip(self.with_spectrum, shared.get(self.spectra), strict=True):
+            orders[i] = orders[i]._replace(spectrum=spectrum)
         columns = [packed if isinstance(packed, list) else [v.T for v in shared.get(packed)] for packed in self.fields]
-        return [Tracked(OdpFrame(*values), orders) for orders, *values in zip(self.orders, *columns, strict=True)]
+        return [Tracked(OdpFrame(*values), orders) for orders, *values in zip(orders, *columns, strict=True)]
 
 
 def _serve(

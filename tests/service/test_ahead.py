@@ -87,7 +87,8 @@ class Kept(Outlet):
         self.story.append(spindle)
 
     def turning(self, channel, orders):
-        self.story.append((channel, repr(orders)))
+        spectrum = b"" if orders.spectrum is None else orders.spectrum.tobytes()
+        self.story.append((channel, repr(orders), spectrum))
 
     def frame(self, frame, odp):
         arrays = (frame.frequency_hz, frame.damping_sd, frame.status, frame.signal, frame.hold)
