@@ -89,7 +89,7 @@ def again(cut: Cut) -> list[slice]:
 
 def at_once(cut: Cut) -> list[slice]:
     """Its calm part, twice, and what has chattered for a while."""
-    calm = slice(SETTLING, SETTLING + _calm(cut))
+    calm = _calm_part(cut)
     chatters = int(np.flatnonzero(cut.truth.label == Label.SELF_EXCITED)[0])
     return [calm, calm, slice(chatters + GROWN, len(cut.truth))]
 
@@ -97,12 +97,17 @@ def at_once(cut: Cut) -> list[slice]:
 def job(cut: Cut, passes: list[slice], rng: np.random.Generator) -> list[Passage]:
     """Return a pause and passes with air after each, whole intervals each; a pass is called by its number."""
     # as loud as other cuts are while it is calm
-    level, room = level_and_room(rng, _samples(cut, slice(SETTLING, SETTLING + _calm(cut))))
+    level, room = level_and_room(rng, _samples(cut, _calm_part(cut)))
     parts = [("pause", air(rng, (PAUSE_S, PAUSE_S), blows=False))]
     for number, intervals in enumerate(passes):
         parts.append((str(number), enter_and_leave(rng, level * _samples(cut, intervals))))
         parts.append(("air", air(rng, (AIR_S, AIR_S), blows=False)))
     return in_room(rng, room, parts, (cut.nominal_rpm, cut.teeth))
+
+
+def _calm_part(cut: Cut) -> slice:
+    """What comes before it chatters, as intervals."""
+    return slice(SETTLING, SETTLING + _calm(cut))
 
 
 def _samples(cut: Cut, intervals: slice) -> Floats:
@@ -113,8 +118,9 @@ def _samples(cut: Cut, intervals: slice) -> Floats:
 def runs(cuts: list[Cut], seed: int, plan: Callable[[Cut], list[slice]] = again) -> Iterator[Run]:
     """Hear the passes of each cut, with the speed told and without."""
     for number, cut in enumerate(cuts):
-        passages = job(cut, plan(cut), np.random.default_rng([12, seed, number]))
-        truth = [cut.truth.label[intervals] for intervals in plan(cut)]
+        passes = plan(cut)
+        passages = job(cut, passes, np.random.default_rng([12, seed, number]))
+        truth = [cut.truth.label[intervals] for intervals in passes]
         for told in (True, False):
             heard: list[list[str]] = [[] for _ in truth]
             for remarks in watch(passages, announce=told):

@@ -17,6 +17,7 @@ from statistics import fmean, median
 import numpy as np
 
 from chatter_monitor.tracking.long_spectrum import LENGTH_S, OVERLAP, SILENCE, Power
+from chatter_monitor.verdict.cumulative import CumulativeSum
 from chatter_monitor.verdict.same_cut import New, SameCut
 
 # A tool enters, or leaves, within so long; what is heard in a spectrum is to be cut, or air, all along.
@@ -28,8 +29,7 @@ BEFORE_ALARM_S = 1.0
 # What a spectrum counts in which the cut is the same, and one in which it is not heard to be; and within which bounds
 # their sum stays. A pass is the same as long as that is positive.
 SAME, NOT_SAME, SURELY = 2, -1, 5
-# A share of new power that speaks for chatter, and by how much it has to be beyond that, summed over spectra (Page,
-# Continuous inspection schemes, Biometrika 41 (1954)).
+# A share of new power that speaks for chatter, and by how much it has to be beyond that, summed over spectra.
 BETWEEN, ENOUGH = 0.2, 0.25
 
 
@@ -51,6 +51,7 @@ class FormerPasses:
         self._calm = deque[Power](maxlen=REMEMBERED)  # of this pass
         self._unsure = deque[Power](maxlen=round(BEFORE_ALARM_S / LENGTH_S * OVERLAP))  # until nothing follows
         self._powers = deque[float](maxlen=round(LENGTH_S / interval_s))  # of the intervals of a spectrum
+        self._alarm = CumulativeSum(ENOUGH)
         self._begin()
 
     def rest(self, spectrum: Power | None) -> None:
@@ -96,12 +97,12 @@ class FormerPasses:
     @property
     def new(self) -> New | None:
         """What is new in this pass, if that is an alarm."""
-        return self._new if self._certain else None
+        return self._new if self._alarm.certain else None
 
     def _begin(self) -> None:
         """Nothing is known of a pass."""
         self._sameness, self._was_same, self._gain = 0, False, 1.0
-        self._told, self._certain = 0.0, False
+        self._alarm.clear()
         self._new = New(0.0, math.nan)
 
     def _end(self) -> None:
@@ -127,14 +128,13 @@ class FormerPasses:
         gain = before.gain(spectrum)
         if gain is not None:
             self._sameness, self._gain = min(self._sameness + SAME, SURELY), gain
-        elif not self._certain:  # what chatters may drown the rest
+        elif not self._alarm.certain:  # what chatters may drown the rest
             self._sameness = max(self._sameness + NOT_SAME, -SURELY)
         if not self.same:
-            self._told, self._certain = 0.0, False
+            self._alarm.clear()
             return
         self._was_same = True
         self._new = before.new(spectrum, self._gain)
         # a blow makes single intervals louder, and what chatters all of them
         blows = 1.0 - min(median(self._powers) / max(fmean(self._powers), SILENCE), 1.0)
-        self._told = min(max(self._told + self._new.share - blows - BETWEEN, 0.0), ENOUGH)
-        self._certain = self._told >= ENOUGH or (self._certain and self._told > 0.0)
+        self._alarm.add(self._new.share - blows - BETWEEN)

@@ -16,6 +16,7 @@ from statistics import fmean
 from chatter_monitor.kernels.kinds import LOUDER
 from chatter_monitor.kernels.limit_cycle import LEAST_SHARE, MOST_REPEATING
 from chatter_monitor.tracking.spectrum import Cycle
+from chatter_monitor.verdict.cumulative import CumulativeSum
 from chatter_monitor.verdict.irregularity import TINY
 from chatter_monitor.verdict.recent import Recent
 
@@ -24,7 +25,7 @@ LEVEL_S, NOW_S = 1.0, 0.5
 # A phase that is foretold better is a force's; and where most of the power repeats no alarm begins.
 FORETOLD, REPEATING = 0.85, 0.5
 # Dispersion of noise, and between that and a cycle's; by how much it has to be below that, summed over the intervals,
-# until it is certain (Page, Continuous inspection schemes, Biometrika 41 (1954)).
+# until it is certain.
 NOISE, BETWEEN, ENOUGH = 1.0, 0.65, 2.0
 
 
@@ -42,14 +43,13 @@ class LimitCycle:
         self._enough = round(LEVEL_S / interval_s)
         self._levels = Recent(self._enough)
         self._lowest = deque[float](maxlen=self._now)  # up to each of the latest intervals
-        self._told = 0.0  # what the dispersion was below, summed
-        self._certain = False
+        self._alarm = CumulativeSum(ENOUGH)  # of what the dispersion was below
 
     def rest(self) -> None:
         """Nothing is cut, or a cut begins."""
         self._levels.clear()
         self._lowest.clear()
-        self._told, self._certain = 0.0, False
+        self._alarm.clear()
 
     def hear(self, cycle: Cycle | None, power: float, rest: float, repeating: float) -> float:
         """Hear an interval of cutting.
@@ -70,12 +70,11 @@ class LimitCycle:
         """
         rise = self._rise(power)
         dispersion = NOISE
-        if cycle is not None and rise >= LOUDER and repeating <= (MOST_REPEATING if self._certain else REPEATING):
+        if cycle is not None and rise >= LOUDER and repeating <= (MOST_REPEATING if self._alarm.certain else REPEATING):
             own = cycle.share * rest >= LEAST_SHARE * power and cycle.foretold <= FORETOLD
             dispersion = cycle.dispersion if own else NOISE
-        self._told = min(max(self._told + BETWEEN - dispersion, 0.0), ENOUGH)
-        self._certain = self._told >= ENOUGH or (self._certain and self._told > 0.0)
-        return math.exp(2.0 * rise) if self._certain else 0.0
+        self._alarm.add(BETWEEN - dispersion)
+        return math.exp(2.0 * rise) if self._alarm.certain else 0.0
 
     def _rise(self, power: float) -> float:
         """By how much it is louder than at its lowest before (natural logarithm of the amplitude); 0 if unknown."""

@@ -86,7 +86,7 @@ def test_what_is_not_there_or_in_other_relations_is_not_the_same(before, signal)
 @pytest.mark.parametrize("hertz", [CHATTER_HZ, 2 * PASSING_HZ + 20.0, 2001.0])
 @pytest.mark.parametrize("amplitude", [3.0, 20.0])
 def test_a_line_that_was_not_there_is_new(before, hertz, amplitude):
-    """Also beside a line of the teeth: that has no say, then."""
+    """Also beside a line of the teeth."""
     signal = teeth() + 0.3 * noise(6) + amplitude * tone(hertz)
     for spectrum in spectra(signal):
         gain = before.gain(spectrum)
