@@ -54,7 +54,11 @@ class Overview(NamedTuple):
 
 @njit(**OPTIONS)
 def overview(vibrations, lines):
-    """Look over vibrations after an interval, an array of VIBRATION, and its lines, an array of LINE."""
+    """Look over vibrations after an interval, an array of VIBRATION, and its lines, an array of LINE.
+
+    Returns what an `Overview` consists of. To make a named tuple for its caller Numba calls Python, and minds no
+    exception there: a keyboard interrupt in that moment ended the process with a segmentation fault.
+    """
     suspicion = heard_suspicion = 0.0
     alarm = suspect = riser = steadiest = loudest_chattered = NONE
     longest = 0
@@ -82,7 +86,7 @@ def overview(vibrations, lines):
         steady += own
         if own > most:
             steadiest, most = i, own
-    return Overview(suspicion, heard_suspicion, alarm, suspect, riser, steadiest, loudest_chattered, steady, chattered)
+    return suspicion, heard_suspicion, alarm, suspect, riser, steadiest, loudest_chattered, steady, chattered
 
 
 @njit(**OPTIONS)
@@ -129,7 +133,7 @@ def only_orders_chattered(vibrations):
 
 @njit(**OPTIONS)
 def another_interval(vibrations, known, testimony, rules, weights, lines, taken, work):
-    """Follow every vibration through an interval; return how many there are, and what they come to.
+    """Follow every vibration through an interval; return how many there are, and what makes up an `Overview`.
 
     Parameters
     ----------

@@ -181,11 +181,11 @@ class Following:
         self._hold_back(heard.table, evidence.power, usual, calm, self._vibrations[: self._known], self._swings)
         taken = self._orders.hear(evidence.orders, evidence.power, calm=calm)
         self._make_room(len(heard))
-        self._known, overview = self._another_interval(
+        self._known, seen = self._another_interval(
             *(self._vibrations, self._known, _testimony(evidence._replace(vibrations=heard), taken, usual), rules),
             *(_WEIGHTS, self._lines, self._taken, self._work),
         )
-        return Told(overview, self._vibrations[: self._known], heard)
+        return Told(Overview(*seen), self._vibrations[: self._known], heard)
 
     def _make_room(self, lines: int) -> None:
         """Take more memory, if that many lines may be more than there is room for."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from chatter_monitor.kernels.kinds import LINE, NOISE_VARIATION
-from chatter_monitor.kernels.overview import NONE, SUSPECT_SHARE, forced_at, overview
+from chatter_monitor.kernels.overview import NONE, SUSPECT_SHARE, Overview, forced_at, overview
 from chatter_monitor.kernels.vibrations import NO_LINE, VIBRATION
 
 
@@ -44,7 +44,7 @@ def test_overview_is_what_it_says(seed, count):
     own = lines[vibrations["line"]]
     steady = np.maximum(own["share"] * (1.0 - (own["variation"] / NOISE_VARIATION) ** 2), 0.0)
     steady[~heard | vibrations["chattered"]] = 0.0
-    seen = overview(vibrations, lines)
+    seen = Overview(*overview(vibrations, lines))
     suspicion = (vibrations["growing"] + vibrations["saturated"]) * vibrations["unexplained"]
     assert seen.suspicion == pytest.approx(max(suspicion, default=0.0))
     assert seen.heard_suspicion == pytest.approx(next(iter(suspicion[strong]), 0.0))

@@ -285,6 +285,22 @@ def test_subscribers_that_do_not_listen_delay_nothing(tmp_path, excerpt, publish
     assert stopped_s < alone_s + 6
 
 
+def test_no_kernel_calls_python(bar, tmp_path):  # noqa: ARG001  it has loaded the kernels
+    """To make a named tuple Numba would, and die of a keyboard interrupt that comes in that moment."""
+    called = set()
+
+    def note(frame, event, _):
+        if event == "call" and "numba" in frame.f_code.co_filename:
+            called.add((frame.f_code.co_name, frame.f_back.f_code.co_filename, frame.f_back.f_lineno))
+
+    sys.setprofile(note)
+    try:
+        replay(BAR, tmp_path)
+    finally:
+        sys.setprofile(None)
+    assert "_numba_unpickle" not in {name for name, *_ in called}, called
+
+
 def test_a_warm_start_compiles_nothing(bar):  # noqa: ARG001  it has compiled the kernels
     """From a warm start the first line is a message, and there was nothing to wait for.
 

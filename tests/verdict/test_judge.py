@@ -80,7 +80,7 @@ def remembered(vibration, dominance=1.0):
         records[name] = probability
     for name in ("frequency_hz", "unexplained", "alarm_for", "chattered"):
         records[name] = getattr(vibration, name)
-    return Memory(1.0, Told(overview(records, np.zeros(1, LINE)), records, heard(vibration.heard)))
+    return Memory(1.0, Told(Overview(*overview(records, np.zeros(1, LINE))), records, heard(vibration.heard)))
 
 
 CALM, NEAR = evidence(critical=mode(0.02)), evidence(critical=mode(0.001))

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import expit, logit
 
 from chatter_monitor.kernels.kinds import LINE
-from chatter_monitor.kernels.overview import overview
+from chatter_monitor.kernels.overview import Overview, overview
 from chatter_monitor.kernels.vibrations import NO_LINE, VIBRATION
 from chatter_monitor.verdict.probability import (
     ALARM,
@@ -30,7 +30,7 @@ def told(risen: float, *, alarm: bool = False) -> Told:
     records = np.zeros(1, VIBRATION)
     records["noise"], records["growing"], records["unexplained"] = 1.0 - risen, risen, 1.0
     records["alarm_for"], records["line"] = 3 * alarm, NO_LINE
-    return Told(overview(records, np.zeros(1, LINE)), records)
+    return Told(Overview(*overview(records, np.zeros(1, LINE))), records)
 
 
 @pytest.mark.parametrize(("grounds", "fit"), [("alarm", ALARM), ("surge", SURGE), ("warning", WARNING), ("calm", CALM)])
