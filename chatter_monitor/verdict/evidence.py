@@ -93,9 +93,10 @@ class Heard(Sequence[Vibration]):
         """That with most of the power."""
         return self[int(self.table[:, SHARE].argmax())] if len(self) else None
 
-    def nearest(self, frequency_hz: float) -> Vibration | None:
-        """That nearest to a frequency."""
-        return self[int(np.abs(self.table[:, kernel.HERTZ] - frequency_hz).argmin())] if len(self) else None
+    def nearest(self, frequency_hz: float, within_hz: float = math.inf) -> Vibration | None:
+        """That nearest to a frequency, if it is near."""
+        away = np.abs(self.table[:, kernel.HERTZ] - frequency_hz)
+        return self[int(away.argmin())] if away.size and away.min() <= within_hz else None
 
     @property
     def own_rise(self) -> float:
@@ -150,7 +151,7 @@ class Evidence(NamedTuple):
     cycle : Cycle or None
         What the loudest band keeps of amplitude and phase.
     same_cut : bool
-        What forces the cut is the same as in the passes before (`verdict.former_passes`).
+        What forces the cut is the same as in the passes before (`verdict.earlier`).
     held : bool
         No sample of the interval could be adapted to: nothing moves.
     starting : bool

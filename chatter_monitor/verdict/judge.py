@@ -11,12 +11,15 @@ import math
 from chatter_monitor.kernels.kinds import LOUDER, own_rise
 from chatter_monitor.kernels.vibrations import Rules
 from chatter_monitor.records import Flag, Verdict
+from chatter_monitor.tracking.comb import is_mains
+from chatter_monitor.tracking.long_spectrum import BIN_HZ
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.margin_tracker import FRAMES_TO_RENEW
+from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.arrival import Arrival
+from chatter_monitor.verdict.earlier import Earlier
 from chatter_monitor.verdict.evidence import Evidence, ModeEvidence, spindle_order
-from chatter_monitor.verdict.former_passes import FormerPasses
 from chatter_monitor.verdict.irregularity import Irregularity
 from chatter_monitor.verdict.level import Level
 from chatter_monitor.verdict.limit_cycle import LimitCycle
@@ -24,6 +27,7 @@ from chatter_monitor.verdict.loudness import Loudness
 from chatter_monitor.verdict.opinion import Memory, Opinion, entering, is_undamped, opinion, stands_for
 from chatter_monitor.verdict.origin import Origin
 from chatter_monitor.verdict.probability import Signs, chatter_probability, told_by_vibrations
+from chatter_monitor.verdict.same_cut import BAND
 from chatter_monitor.verdict.settings import JudgeSettings
 from chatter_monitor.verdict.surge import Surge
 from chatter_monitor.verdict.vibrations import Followed, Following, Told, repeating_share, steady_share
@@ -36,6 +40,8 @@ AFTER_CHATTER = Margin(reason="the cut chattered just now")
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 
+# What is new is about a line where that is no farther from the middle of its band.
+NEW_WITHIN_HZ = BAND * BIN_HZ
 # Weight of an interval in the average of the shares: what is said does not flicker.
 AVERAGING = 0.15
 
@@ -67,7 +73,7 @@ class Judge:
         self._loudness = Loudness(interval_s)
         self._irregularity = Irregularity(interval_s)
         self._cycle = LimitCycle(interval_s)
-        self._passes = FormerPasses(interval_s)
+        self._earlier = Earlier(interval_s)
         self._arrival = Arrival(interval_s)
         self._surge = Surge(interval_s)
         self._level = Level(interval_s)
@@ -90,14 +96,14 @@ class Judge:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif (quiet := _quiet(evidence, memory, settings)) is not None:
             self._rest(forget=evidence.alone or self._arrival.came_with_tool(power))
-            self._passes.rest(evidence.orders.spectrum)
+            self._earlier.rest(evidence.orders.spectrum)
             self._irregularity.idle(power, evidence.orders.recurring_share)
             memory = memory._replace(told=Told())
             view = Opinion("idle", 0.95, (quiet,))
         elif evidence.starting:
             view = Opinion("unknown", 0.0, ("too few samples yet",))
         elif evidence.entering:
-            self._passes.cut(evidence.orders.spectrum, power, calm=memory.calm)
+            self._earlier.cut(evidence.orders.spectrum, power, None, calm=memory.calm, entering=True)
             by_tool = self._arrival.began_with_tool()
             self._rest(forget=evidence.alone or by_tool)
             repeating = repeating_share(evidence.orders, Told())
@@ -107,8 +113,8 @@ class Judge:
             if by_tool:
                 view = view._replace(reasons=(reasons.CAME_WITH_TOOL, *view.reasons))
         else:
-            self._passes.cut(evidence.orders.spectrum, power, calm=memory.calm)
-            memory = self._follow(memory, evidence._replace(same_cut=self._passes.same))
+            self._earlier.cut(evidence.orders.spectrum, power, _heard_hz(evidence.orders), calm=memory.calm)
+            memory = self._follow(memory, evidence._replace(same_cut=self._earlier.same))
             view = opinion(evidence, memory, settings)
             alarm = {"by_line": view.state == "self_excited", "goes_on": memory.since_alarm == 0.0}
             self._origin.hear(evidence.grown_hz, memory.told, is_cut=self._loudness.is_cut, **alarm)
@@ -200,9 +206,10 @@ class Judge:
         turning = orders.recurring_share, orders.repeating_share, orders.rotation_hz
         times = self._irregularity.hear(power, *turning, calm=calm, turns=orders.rotation_heard)
         rise = self._cycle.hear(evidence.cycle, power, evidence.power, orders.repeating_share)
-        new = self._passes.new
+        new = self._earlier.new
         if new is not None:
-            return Opinion("self_excited", 1.0, (reasons.new(new),), vibrations.nearest(new.hertz))
+            why = reasons.new(new, within=self._earlier.within)
+            return Opinion("self_excited", 1.0, (why,), vibrations.nearest(new.hertz, NEW_WITHIN_HZ))
         if rise > 0.0 and evidence.cycle is not None:
             nearest = vibrations.nearest(evidence.cycle.frequency_hz)
             hertz = evidence.cycle.frequency_hz if nearest is None else nearest.line.frequency_hz
@@ -271,6 +278,12 @@ def _grown_suspect(told: Told, *, unheard: bool) -> Followed | None:
         return None
     line = suspect.heard.line
     return suspect if own_rise(line.long_rise, line.absolute_rise) >= LOUDER else None
+
+
+def _heard_hz(orders: Orders) -> float | None:
+    """Rotation of the spindle, as far as it is heard; what nobody told and has the mains' frequency may be a hum."""
+    hertz = orders.rotation_hz if orders.rotation_heard else None
+    return None if hertz is not None and orders.source == "found" and is_mains(hertz) else hertz
 
 
 def _quiet(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> str | None:

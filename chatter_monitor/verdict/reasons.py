@@ -74,9 +74,9 @@ def cycle(frequency_hz: float, rise: float) -> str:
     return f"{steady}; the cut is {_decibels(rise)} louder than it was"
 
 
-def new(new: New) -> str:
-    """That a pass is as the ones before but for what is new in it."""
-    same = "what forces the cut is the same as in the passes before"
+def new(new: New, *, within: bool) -> str:
+    """That a pass is as it was itself, or as the ones before, but for what is new in it."""
+    same = f"what forces the cut is the same as {'before' if within else 'in the passes before'}"
     return f"{same}, but {100 * new.share:.0f} % of the power is new, most of it at {new.hertz:.0f} Hz"
 
 

@@ -23,8 +23,8 @@ STRETCH, MEAN_OVER_MEDIAN = 64, 1.0 / math.log(2.0)
 # A line stands out by so much (power), and comes and goes by less: half of the changes of its logarithm between two
 # spectra that share no sample are below this (ln 3 of noise). In the air it has less than one in so many of its power.
 STANDS_OUT, COMES_AND_GOES, IN_AIR = 5.0, 0.6, 10.0
-# So many that stand out most are asked, and so many have to be there.
-MOST_LINES, FEWEST_LINES = 12, 2
+# So many that stand out most are asked, and so many have to be there; by orders more, for two tones may be on some.
+MOST_LINES, FEWEST_LINES, FEWEST_ORDERS = 12, 2, 3
 # A speed is the same within this.
 SAME_SPEED, SPEEDS = 0.003, 7
 # How far a line stands out (natural logarithm) counts between these bounds; their mean, times the root of how many
@@ -32,15 +32,22 @@ SAME_SPEED, SPEEDS = 0.003, 7
 LEAST, MOST, NO_CHANCE = -1.0, 4.0, 4.0
 # Half of them are within so much (natural logarithm of power) of the relations of before.
 RELATIONS = 0.75
+# Half of them have so much less power (natural logarithm) where they are not drowned but gone.
+GONE = math.log(4.0)
 # Bins of a band, and by how many times its largest power before it has to be louder than what forces the cut explains.
 BAND, BEYOND = 10, math.exp(1.2)
 
 
 class New(NamedTuple):
-    """What is new in a cut: its share of the power, and the frequency of the strongest of it (Hz)."""
+    """What is new in a cut: its share of the power, and what each band has of it, shape (bands,)."""
 
     share: float
-    hertz: float
+    bands: Power
+
+    @property
+    def hertz(self) -> float:
+        """Middle of the band with most of it."""
+        return (float(self.bands.argmax()) + 0.5) * BAND * BIN_HZ
 
 
 class SameCut:
@@ -50,21 +57,27 @@ class SameCut:
     ----------
     spectra : sequence of ndarray of float64, shape (bins,)
         Of it while it was calm, in the order of time.
-    air : ndarray of float64, shape (bins,)
-        Largest powers while nothing was cut.
+    air : ndarray of float64, shape (bins,), or None
+        Largest powers while nothing was cut; None where that was not heard. Then only what is on orders of the spindle
+        is known to be of the cut.
+    rotation_hz : float or None
+        Of the spindle, where it is heard.
     """
 
-    def __init__(self, spectra: Sequence[Power], air: Power) -> None:
+    def __init__(self, spectra: Sequence[Power], air: Power | None, rotation_hz: float | None = None) -> None:
         every = np.array(spectra)
         self._mean = every.mean(axis=0)
-        self._lines = _steady_lines(every, self._mean, air)
+        heard = np.zeros_like(self._mean) if air is None else air
         speeds = np.linspace(1.0 - SAME_SPEED, 1.0 + SAME_SPEED, SPEEDS)
-        self._places = np.minimum(np.rint(np.outer(speeds, self._lines)).astype(np.int64), air.size - 1)
+        self._lines = _steady_lines(every, self._mean, heard)
+        if air is None:
+            self._lines = _on_orders(self._lines, rotation_hz, speeds)
+        self._places = np.minimum(np.rint(np.outer(speeds, self._lines)).astype(np.int64), self._mean.size - 1)
         bands = np.array([_bands(spectrum) for spectrum in spectra])
         self._power = median(bands.sum(axis=1).tolist())
         largest = bands.max(axis=0)
         self._bands = np.max([largest, np.append(largest[1:], 0.0), np.append(0.0, largest[:-1])], axis=0)
-        self._air = _bands(air)
+        self._air = _bands(heard)
 
     def gain(self, spectrum: Power) -> float | None:
         """By how much what forces the cut has more power than before, at least 1; None where it is another cut."""
@@ -80,6 +93,11 @@ class SameCut:
         alike = median(abs(each - usual) for each in louder) < RELATIONS
         return max(math.exp(usual), 1.0) if alike else None
 
+    def gone(self, spectrum: Power) -> bool:
+        """Whether what forced the cut before does so no more; else what is louder now may drown it."""
+        louder = np.log(spectrum[self._places] / self._mean[self._lines])
+        return self._lines.size == 0 or bool(np.median(louder, axis=1).max() < -GONE)
+
     def new(self, spectrum: Power, gain: float) -> New:
         """What is new, where what forces the cut has so many times its power: as a share of that of now or of before.
 
@@ -87,8 +105,7 @@ class SameCut:
         """
         bands = _bands(spectrum)
         beyond = self._beyond(bands, gain)
-        share = float(beyond.sum() / max(bands.sum(), gain * self._power, SILENCE))
-        return New(share, (float(beyond.argmax()) + 0.5) * BAND * BIN_HZ)
+        return New(float(beyond.sum() / max(bands.sum(), gain * self._power, SILENCE)), beyond)
 
     def _beyond(self, bands: Power, gain: float) -> Power:
         """Power of each band beyond what forces the cut makes of it, and beyond that of the air."""
@@ -104,6 +121,17 @@ def _steady_lines(spectra: NDArray[np.float64], mean: Power, air: Power) -> Indi
     logs = np.log(spectra[:, lines])
     lines = lines[np.median(np.abs(logs[2:] - logs[:-2]), axis=0) < COMES_AND_GOES]
     return np.sort(lines[np.argsort(-above[lines])][:MOST_LINES])
+
+
+def _on_orders(lines: Indices, rotation_hz: float | None, speeds: NDArray[np.float64]) -> Indices:
+    """Those on multiples of a rotation, at that of the speeds beside it at which most are; none if they are too few."""
+    if rotation_hz is None:
+        return lines[:0]
+    rotations_hz = rotation_hz * speeds[:, None]
+    orders = lines * BIN_HZ / rotations_hz
+    near = np.abs(orders - np.rint(orders)) * rotations_hz <= BIN_HZ
+    on_orders = lines[near[near.sum(axis=1).argmax()]]
+    return on_orders if on_orders.size >= FEWEST_ORDERS else lines[:0]
 
 
 def _level(spectrum: Power, bins: Indices) -> Power:

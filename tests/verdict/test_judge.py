@@ -28,7 +28,7 @@ from chatter_monitor.verdict.opinion import Memory, opinion
 from chatter_monitor.verdict.settings import JudgeSettings
 from chatter_monitor.verdict.vibrations import Followed, Told, repeating_share
 from tests.verdict.hearing import heard
-from tests.verdict.test_same_cut import CHATTER_HZ, noise, spectra, teeth, tone
+from tests.verdict.test_same_cut import CHATTER_HZ, PASSING_HZ, noise, spectra, teeth, tone
 
 HZ = 1067.0
 UNKNOWN_SPEED = Orders(0, None, None, None, 0.0)
@@ -429,6 +429,32 @@ def test_power_that_is_new_in_the_same_cut_is_an_alarm_and_is_called_by_its_line
     assert why.startswith(f"{same}, but 8")
     assert why.endswith(" % of the power is new, most of it at 738 Hz")
     assert "self_excited" not in states(*calm, *passing(3.0 * teeth() + 0.9 * noise(3), line), *air)
+
+
+@pytest.mark.parametrize(
+    ("passing_hz", "orders", "told"),
+    [
+        (PASSING_HZ, SPINDLE._replace(rotation_hz=PASSING_HZ / 4), True),
+        (PASSING_HZ, MILL, False),  # a comb that is not heard now
+        (50.0, SPINDLE._replace(rotation_hz=25.0), True),
+        (50.0, SPINDLE._replace(rotation_hz=50.0, source="found"), False),  # a hum, as far as is known
+    ],
+)
+def test_power_that_is_new_within_a_pass_is_an_alarm_where_the_spindle_is_heard(passing_hz, orders, told):
+    """Of a recording that begins in the cut nothing else tells what is of the cut."""
+    before, after = (
+        spectra(teeth(passing_hz) + 0.3 * noise(n) + a * tone(CHATTER_HZ)) for n, a in ((2, 0.0), (3, 4.0))
+    )
+    new = iter([*before, *after])
+    cut = [
+        evidence(steady(CHATTER_HZ), orders=orders._replace(spectrum=next(new) if number % 4 == 3 else None))
+        for number in range(4 * (len(before) + len(after)))
+    ]
+    alarms = [verdict for verdict in judged(*cut) if verdict.state == "self_excited"]
+    assert bool(alarms) is told
+    if told:
+        assert alarms[0].t0 == pytest.approx(4.0, abs=0.5)
+        assert alarms[0].reasons[0].startswith("what forces the cut is the same as before, but 8")
 
 
 def test_what_is_suspected_is_an_alarm_when_the_cut_gets_loud():

@@ -83,6 +83,22 @@ def test_what_is_not_there_or_in_other_relations_is_not_the_same(before, signal)
     assert set(gains(before, signal)) == {None}
 
 
+@pytest.mark.parametrize(
+    ("signal", "gone"),
+    [
+        (teeth() + 0.3 * noise(21), False),
+        (0.6 * teeth(1.002 * PASSING_HZ) + 0.3 * noise(21), False),
+        (teeth() + 80.0 * noise(21), False),  # drowned
+        (80.0 * noise(21), False),  # for all that can be told
+        (teeth(1.07 * PASSING_HZ) + 0.3 * noise(21) + 4.0 * tone(CHATTER_HZ), True),
+        (0.3 * noise(21), True),
+    ],
+)
+def test_a_line_is_gone_where_there_is_less_than_there_was(before, signal, gone):
+    """Under what is loud it may go on."""
+    assert {before.gone(spectrum) for spectrum in spectra(signal)} == {gone}
+
+
 @pytest.mark.parametrize("hertz", [CHATTER_HZ, 2 * PASSING_HZ + 20.0, 2001.0])
 @pytest.mark.parametrize("amplitude", [3.0, 20.0])
 def test_a_line_that_was_not_there_is_new(before, hertz, amplitude):
@@ -91,10 +107,10 @@ def test_a_line_that_was_not_there_is_new(before, hertz, amplitude):
     for spectrum in spectra(signal):
         gain = before.gain(spectrum)
         assert gain == pytest.approx(1.0, abs=0.3)
-        share, middle_hz = before.new(spectrum, gain)
+        new = before.new(spectrum, gain)
         power = (amplitude**2 / 2) / (amplitude**2 / 2 + np.var(teeth()) + 0.3**2 * 0.8)
-        assert share == pytest.approx(power, abs=0.15)
-        assert abs(middle_hz - hertz) <= 0.5 * BAND * BIN_HZ + BIN_HZ
+        assert new.share == pytest.approx(power, abs=0.15)
+        assert abs(new.hertz - hertz) <= 0.5 * BAND * BIN_HZ + BIN_HZ
 
 
 def test_a_slower_tracker_has_fewer_bins(before):
@@ -104,7 +120,8 @@ def test_a_slower_tracker_has_fewer_bins(before):
     for spectrum in spectra(2.0 * (teeth() + 0.3 * noise(17)) + 10.0 * tone(CHATTER_HZ)):
         gain = SameCut(cut, air).gain(spectrum[:few])
         assert gain == pytest.approx(4.0, rel=0.3)
-        assert SameCut(cut, air).new(spectrum[:few], gain) == pytest.approx(before.new(spectrum, gain), abs=0.05)
+        of_few, of_all = SameCut(cut, air).new(spectrum[:few], gain), before.new(spectrum, gain)
+        assert (of_few.share, of_few.hertz) == pytest.approx((of_all.share, of_all.hertz), abs=0.05)
 
 
 @pytest.mark.parametrize("few", [1, 2, 3, 9, 63])
@@ -140,6 +157,21 @@ def test_what_is_in_the_air_tells_nothing_and_is_not_new():
     for spectrum in spectra(teeth() + 0.3 * noise(12) + 5.0 * tone(CHATTER_HZ)):
         assert before.gain(spectrum) == pytest.approx(1.0, abs=0.3)
         assert before.new(spectrum, 1.0).share < 0.01
+
+
+@pytest.mark.parametrize(
+    ("rotation_hz", "same"),
+    [(PASSING_HZ, True), (PASSING_HZ / 3, True), (1.003 * PASSING_HZ, True), (None, False), (1.3 * PASSING_HZ, False)],
+)
+def test_where_no_air_was_heard_what_is_on_orders_is_of_the_cut(rotation_hz, same):
+    """If it is more than two of them: that may be chance."""
+    cut, now = (spectra(teeth() + 2.0 * teeth(61.3) + 0.3 * noise(seed)) for seed in (18, 19))
+    before = SameCut(cut, None, rotation_hz)
+    louder = spectra(3.0 * teeth() + 2.0 * teeth(61.3) + 0.9 * noise(20))
+    for spectrum, then, of_both in zip(now, louder, cut, strict=True):
+        assert (before.gain(spectrum) is not None) is same
+        assert before.gain(then) == (pytest.approx(9.0, rel=0.3) if same else None)
+        assert SameCut([of_both] * 3, None, 4 * PASSING_HZ).gain(spectrum) is None  # one line of them
 
 
 def test_what_comes_and_goes_is_no_line_of_a_cut():

@@ -1,40 +1,45 @@
-"""A pass that is as the ones before but for a line: an alarm soon after the tool is in the cut, and none else."""
+"""A cut that is as it was, in this pass or the ones before, but for a line: an alarm soon after, and none else."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from chatter_monitor.tracking.long_spectrum import LENGTH_S, LongSpectrum
-from chatter_monitor.verdict.former_passes import BEFORE_ALARM_S, ENTERING_S, FormerPasses
+from chatter_monitor.tracking.long_spectrum import LENGTH_S, OVERLAP, LongSpectrum
+from chatter_monitor.verdict.earlier import BEFORE_ALARM_S, ENTERING_S, FEWEST_HERE, REMEMBERED, Earlier
 from tests.verdict.test_same_cut import CHATTER_HZ, FRAME, PASSING_HZ, RATE_HZ, noise, teeth, tone
 
 INTERVAL_S = FRAME / RATE_HZ
 AIR_S, PASS_S = 1.5, 3.0
 # The last spectrum is up to five intervals old.
 SOON_S = LENGTH_S + ENTERING_S + 5 * INTERVAL_S
+# A pass that is known from its own beginning, and one in which that is known.
+KNOWN_S = LENGTH_S + ENTERING_S + BEFORE_ALARM_S + FEWEST_HERE * LENGTH_S / OVERLAP + 5 * INTERVAL_S
+LONG_S = KNOWN_S + PASS_S
 
 
 class Heard:
     """What is told of passes that are played one after the other, with air before each."""
 
     def __init__(self):
-        self.passes = FormerPasses(INTERVAL_S)
+        self.earlier = Earlier(INTERVAL_S)
         self._long = LongSpectrum(RATE_HZ, FRAME)
         self._seed = 100
 
-    def play(self, cut, calm_s=np.inf, air=0.0, air_s=AIR_S):
+    def play(self, cut, calm_s=np.inf, air=0.0, air_s=AIR_S, rotation_hz=None, enters_s=()):
         """Air, and a pass, until then without another alarm; returns when there was one, after it began (s)."""
         for frame in self._frames(air + 0.01 * self._noise(air_s)):
-            self.passes.rest(self._long.hear(frame))
-            assert self.passes.new is None
-            assert not self.passes.same
+            self.earlier.rest(self._long.hear(frame))
+            assert self.earlier.new is None
+            assert not self.earlier.same
         alarms, spectrum = [], None
         for number, frame in enumerate(self._frames(cut + 0.3 * self._noise(cut.size / RATE_HZ))):
             heard = self._long.hear(frame)  # with the next interval, as of `tracking.orders`
-            self.passes.cut(spectrum, np.mean(frame**2), calm=number * INTERVAL_S < calm_s and not alarms)
+            now = number * INTERVAL_S
+            calm, entering = now < calm_s and not alarms, any(0.0 <= now - each < 0.25 for each in enters_s)
+            self.earlier.cut(spectrum, np.mean(frame**2), rotation_hz, calm=calm, entering=entering)
             spectrum = heard
-            if self.passes.new is not None:
+            if self.earlier.new is not None:
                 alarms.append((number + 1) * INTERVAL_S)
         return alarms
 
@@ -51,14 +56,19 @@ def chatter(amplitude=4.0):
     return amplitude * tone(CHATTER_HZ, PASS_S)
 
 
+def turning(before_s, amplitude=4.0, after_s=PASS_S):
+    """To chatter, after so long."""
+    return np.concatenate([0.0 * tone(CHATTER_HZ, before_s), amplitude * tone(CHATTER_HZ, after_s)])
+
+
 @pytest.fixture
 def heard():
     """Of two calm passes of one cut."""
     played = Heard()
     assert played.play(teeth(seconds=PASS_S)) == []
-    assert not played.passes.same  # with nothing
+    assert not played.earlier.same  # with nothing
     assert played.play(teeth(seconds=PASS_S)) == []
-    assert played.passes.same
+    assert played.earlier.same
     return played
 
 
@@ -68,17 +78,18 @@ def test_chatter_from_the_first_contact_on_is_an_alarm_and_the_next_calm_pass_no
         alarms = heard.play(teeth(seconds=PASS_S) + chatter())
         assert alarms[0] <= SOON_S
         assert len(alarms) == round((PASS_S - alarms[0]) / INTERVAL_S) + 1  # until the end
-        assert heard.passes.new.share == pytest.approx(0.85, abs=0.05)
-        assert heard.passes.new.hertz == pytest.approx(CHATTER_HZ, abs=12.5)
+        assert heard.earlier.new.share == pytest.approx(0.85, abs=0.05)
+        assert heard.earlier.new.hertz == pytest.approx(CHATTER_HZ, abs=12.5)
     assert heard.play(teeth(seconds=PASS_S)) == []
-    assert heard.passes.same
+    assert heard.earlier.same
 
 
 def test_what_came_before_an_alarm_is_not_remembered_as_calm():
-    """It may have been chatter, too: of a first pass it has not been told yet."""
+    """It may have been chatter, too: of a short pass it has not been told yet."""
     played = Heard()
-    late = np.concatenate([0.0 * chatter(), chatter()])
-    assert played.play(teeth(seconds=2 * PASS_S) + late, calm_s=PASS_S + BEFORE_ALARM_S - 0.2) == []
+    begins_s = 2.0
+    late = turning(begins_s)
+    assert played.play(teeth(seconds=begins_s + PASS_S) + late, calm_s=begins_s + BEFORE_ALARM_S - 0.2) == []
     assert played.play(teeth(seconds=PASS_S) + chatter())[0] <= SOON_S
 
 
@@ -96,7 +107,7 @@ def test_a_blow_is_no_alarm(heard, begins_s):
     t = np.arange(round(PASS_S * RATE_HZ)) / RATE_HZ - begins_s
     ring = np.where(t > 0.0, np.exp(-np.maximum(t, 0.0) / 0.05), 0.0) * chatter(8.0)
     assert heard.play(teeth(seconds=PASS_S) + ring) == []
-    assert heard.passes.same
+    assert heard.earlier.same
 
 
 @pytest.mark.parametrize(
@@ -128,14 +139,14 @@ def test_a_pump_that_is_switched_on_in_the_air_is_none(heard):
     """It was heard without the tool."""
     pump = chatter()[: round(AIR_S * RATE_HZ)]
     assert heard.play(teeth(seconds=PASS_S) + chatter(), air=pump) == []
-    assert heard.passes.same
+    assert heard.earlier.same
 
 
 def test_a_speed_that_changes_within_the_pass_is_another_cut_soon(heard):
     """What was the same is not for long, and what is new then may be forced."""
     same, other = teeth(seconds=1.0), teeth(1.4 * PASSING_HZ, 2.0, (4.0, 5.0))
     heard.play(np.concatenate([same, 0.2 * other]))
-    assert not heard.passes.same
+    assert not heard.earlier.same
 
 
 def test_a_new_job_is_the_one_to_be_held_against_from_its_first_pass_on(heard):
@@ -152,3 +163,52 @@ def test_an_alarm_ends_with_what_was_new(heard):
     alarms = heard.play(teeth(seconds=PASS_S) + over)
     assert alarms[0] <= SOON_S
     assert PASS_S / 2 <= alarms[-1] <= PASS_S / 2 + 1.0
+
+
+def test_chatter_in_a_first_pass_is_an_alarm_where_it_begins():
+    """It is held against what the pass was like until then, however loud it is cut by now."""
+    deeper = np.where(np.arange(turning(KNOWN_S).size) < KNOWN_S * RATE_HZ, 1.0, 3.0)
+    cut = deeper * teeth(seconds=LONG_S) + turning(KNOWN_S, 12.0)
+    played = Heard()
+    alarms = played.play(cut)
+    assert KNOWN_S < alarms[0] <= KNOWN_S + SOON_S
+    assert len(alarms) == round((LONG_S - alarms[0]) / INTERVAL_S) + 1  # until the end
+    assert played.earlier.within
+    assert played.earlier.new.hertz == pytest.approx(CHATTER_HZ, abs=12.5)
+    assert Heard().play(deeper * teeth(seconds=LONG_S)) == []
+
+
+def test_what_is_new_since_the_passes_before_is_not_called_new_within(heard):
+    """Both are, where it begins in the pass; the other one tells more."""
+    assert heard.play(teeth(seconds=LONG_S) + turning(KNOWN_S))
+    assert not heard.earlier.within
+
+
+def test_what_has_always_been_there_is_none():
+    """Also where it began before enough was known."""
+    assert Heard().play(teeth(seconds=LONG_S) + turning(0.0, after_s=LONG_S)) == []
+    assert Heard().play(teeth(seconds=2 * KNOWN_S) + turning(KNOWN_S / 3, after_s=5 / 3 * KNOWN_S)) == []
+
+
+def test_what_comes_by_and_by_over_a_long_time_is_none():
+    """What is remembered is renewed, for a tool that wears is no chatter."""
+    seconds = 4 * REMEMBERED * LENGTH_S / OVERLAP
+    swelling = np.exp(np.linspace(-3.0, 1.0, teeth(seconds=seconds).size)) * tone(CHATTER_HZ, seconds)
+    assert Heard().play(teeth(seconds=seconds) + swelling) == []
+
+
+def test_without_air_only_what_is_on_orders_is_known_to_be_of_the_cut():
+    """A pump that is as loud as before tells nothing of a cut that gets deeper."""
+    cut = teeth(seconds=LONG_S) + turning(KNOWN_S)
+    for rotation_hz, heard in ((PASSING_HZ / 4, True), (None, False), (PASSING_HZ / 3.6, False)):
+        assert bool(Heard().play(cut, air_s=0.4, rotation_hz=rotation_hz)) is heard
+    assert Heard().play(cut) != []  # with air
+
+
+def test_what_came_before_a_tool_entered_is_none_of_the_cut():
+    """It may have been air, in which nothing was known of the level of a cut."""
+    silent = np.where(np.arange(teeth(seconds=LONG_S).size) < KNOWN_S * RATE_HZ, 0.0, 1.0)
+    pump = teeth(61.0, LONG_S)
+    cut = pump + silent * (teeth(seconds=LONG_S) + 2.0 * tone(CHATTER_HZ, LONG_S))
+    assert Heard().play(cut, air_s=0.4, rotation_hz=61.0 / 4) != []
+    assert Heard().play(cut, air_s=0.4, rotation_hz=61.0 / 4, enters_s=[KNOWN_S]) == []
