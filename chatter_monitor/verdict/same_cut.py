@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import bdtrc
 
 from chatter_monitor.tracking.long_spectrum import BIN_HZ, SILENCE, Power
 
@@ -23,8 +24,9 @@ STRETCH, MEAN_OVER_MEDIAN = 64, 1.0 / math.log(2.0)
 # A line stands out by so much (power), and comes and goes by less: half of the changes of its logarithm between two
 # spectra that share no sample are below this (ln 3 of noise). In the air it has less than one in so many of its power.
 STANDS_OUT, COMES_AND_GOES, IN_AIR = 5.0, 0.6, 10.0
-# So many that stand out most are asked, and so many have to be there; by orders more, for two tones may be on some.
-MOST_LINES, FEWEST_LINES, FEWEST_ORDERS = 12, 2, 3
+# So many that stand out most are asked, and so many have to be there. As many as are on orders of the spindle are on
+# any orders with such a probability at most.
+MOST_LINES, FEWEST_LINES, BY_CHANCE = 12, 2, 0.02
 # A speed is the same within this.
 SAME_SPEED, SPEEDS = 0.003, 7
 # How far a line stands out (natural logarithm) counts between these bounds; their mean, times the root of how many
@@ -124,14 +126,16 @@ def _steady_lines(spectra: NDArray[np.float64], mean: Power, air: Power) -> Indi
 
 
 def _on_orders(lines: Indices, rotation_hz: float | None, speeds: NDArray[np.float64]) -> Indices:
-    """Those on multiples of a rotation, at that of the speeds beside it at which most are; none if they are too few."""
+    """Those on multiples of a rotation, at that of the speeds beside it at which most are; none if that is chance."""
     if rotation_hz is None:
         return lines[:0]
     rotations_hz = rotation_hz * speeds[:, None]
     orders = lines * BIN_HZ / rotations_hz
     near = np.abs(orders - np.rint(orders)) * rotations_hz <= BIN_HZ
     on_orders = lines[near[near.sum(axis=1).argmax()]]
-    return on_orders if on_orders.size >= FEWEST_ORDERS else lines[:0]
+    anywhere = min(2.0 * BIN_HZ / rotation_hz, 1.0)
+    by_chance = bdtrc(on_orders.size - 1, lines.size, anywhere)  # as many, or more
+    return on_orders if by_chance <= BY_CHANCE else lines[:0]
 
 
 def _level(spectrum: Power, bins: Indices) -> Power:

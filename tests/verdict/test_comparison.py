@@ -45,3 +45,12 @@ def test_another_cut_clears_what_was_told(comparison):
     for spectrum in other:
         comparison.hear(spectrum, 0.0)
     assert (comparison.same, comparison.was_same, comparison.new) == (False, True, None)
+
+
+def test_what_drowns_the_cut_ends_nothing(comparison):
+    """What chatters may be in no line, and louder than all."""
+    for spectrum in spectra(teeth() + 0.3 * noise(8) + 4.0 * tone(CHATTER_HZ))[:5]:
+        comparison.hear(spectrum, 0.0)
+    for spectrum in spectra(teeth() + 80.0 * noise(9)):
+        comparison.hear(spectrum, 0.0)
+        assert comparison.new is not None

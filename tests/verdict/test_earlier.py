@@ -74,8 +74,8 @@ def heard():
 
 def test_chatter_from_the_first_contact_on_is_an_alarm_and_the_next_calm_pass_none(heard):
     """Most of it is new, at its frequency; what chattered is not remembered as calm."""
-    for _ in range(2):
-        alarms = heard.play(teeth(seconds=PASS_S) + chatter())
+    for enters_s in ([], [0.0]):
+        alarms = heard.play(teeth(seconds=PASS_S) + chatter(), enters_s=enters_s)
         assert alarms[0] <= SOON_S
         assert len(alarms) == round((PASS_S - alarms[0]) / INTERVAL_S) + 1  # until the end
         assert heard.earlier.new.share == pytest.approx(0.85, abs=0.05)

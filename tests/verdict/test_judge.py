@@ -429,6 +429,8 @@ def test_power_that_is_new_in_the_same_cut_is_an_alarm_and_is_called_by_its_line
     assert why.startswith(f"{same}, but 8")
     assert why.endswith(" % of the power is new, most of it at 738 Hz")
     assert "self_excited" not in states(*calm, *passing(3.0 * teeth() + 0.9 * noise(3), line), *air)
+    elsewhere = judged(*calm, *passing(teeth() + 0.3 * noise(3) + 4.0 * tone(CHATTER_HZ), steady(2000.0)), *air)
+    assert {verdict.frequency_hz for verdict in elsewhere if verdict.state == "self_excited"} == {None}
 
 
 @pytest.mark.parametrize(
