@@ -53,11 +53,11 @@ def test_milling_chatter_has_its_frequency(replayed):
     assert all(1060 <= frequency_hz <= 1080 for frequency_hz in heard)
 
 
-def test_milling_chatter_is_one_event_or_two(replayed):
-    """At 10 s its line drops out for a moment; each event has its frequency and next to no damping."""
-    events = replayed("ubc_milling_chatter.flac").of("event")
-    assert 1 <= len(events) <= 2
-    assert all(1060 <= event["peak_frequency_hz"] <= 1080 and event["min_damping_ratio"] < 0.002 for event in events)
+def test_milling_chatter_is_one_event(replayed):
+    """At 10 s its line drops out for a moment, but the cut is not as it was; it has its frequency and no damping."""
+    (event,) = replayed("ubc_milling_chatter.flac").of("event")
+    assert 1060 <= event["peak_frequency_hz"] <= 1080
+    assert event["min_damping_ratio"] < 0.002
 
 
 def test_forced_milling_is_forced_once_its_comb_is_known(replayed):
