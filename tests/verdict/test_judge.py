@@ -437,7 +437,7 @@ def test_power_that_is_new_in_the_same_cut_is_an_alarm_and_is_called_by_its_line
     ("passing_hz", "orders", "told"),
     [
         (PASSING_HZ, SPINDLE._replace(rotation_hz=PASSING_HZ / 4), True),
-        (PASSING_HZ, MILL, False),  # a comb that is not heard now
+        (PASSING_HZ, MILL._replace(rotation_hz=PASSING_HZ / 4), False),  # a comb that is not heard now
         (50.0, SPINDLE._replace(rotation_hz=25.0), True),
         (50.0, SPINDLE._replace(rotation_hz=50.0, source="found"), False),  # a hum, as far as is known
     ],
@@ -457,6 +457,8 @@ def test_power_that_is_new_within_a_pass_is_an_alarm_where_the_spindle_is_heard(
     if told:
         assert alarms[0].t0 == pytest.approx(4.0, abs=0.5)
         assert alarms[0].reasons[0].startswith("what forces the cut is the same as before, but 8")
+    cut[4 * len(before)] = cut[4 * len(before)]._replace(entering=True)  # what was before is none of this cut
+    assert "self_excited" not in states(*cut)
 
 
 def test_what_is_suspected_is_an_alarm_when_the_cut_gets_loud():

@@ -99,6 +99,11 @@ def test_a_line_is_gone_where_there_is_less_than_there_was(before, signal, gone)
     assert {before.gone(spectrum) for spectrum in spectra(signal)} == {gone}
 
 
+def test_of_what_has_no_lines_all_are_gone():
+    """Nothing is known to force it."""
+    assert SameCut(spectra(noise(2)), AIR).gone(AIR)
+
+
 @pytest.mark.parametrize("hertz", [CHATTER_HZ, 2 * PASSING_HZ + 20.0, 2001.0])
 @pytest.mark.parametrize("amplitude", [3.0, 20.0])
 def test_a_line_that_was_not_there_is_new(before, hertz, amplitude):
