@@ -42,7 +42,6 @@ class Comparison:
             self._sameness = max(self._sameness + NOT_SAME, -SURELY)
         if not self.same:
             self._alarm.clear()
-            self._new = None
             return
         self.was_same = True
         new = self.before.new(spectrum, self._gain)
