@@ -38,7 +38,9 @@ class Comparison:
         gain = self.before.gain(spectrum)
         if gain is not None:
             self._sameness, self._gain = min(self._sameness + SAME, SURELY), gain
-        elif not self._alarm.certain or self.before.gone(spectrum):  # what chatters may drown the rest
+        elif self.before.gone(spectrum):
+            self._sameness = min(self._sameness, 0)
+        elif not self._alarm.certain:  # what chatters may drown the rest
             self._sameness = max(self._sameness + NOT_SAME, -SURELY)
         if not self.same:
             self._alarm.clear()

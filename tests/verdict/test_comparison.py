@@ -6,7 +6,7 @@ import pytest
 
 from chatter_monitor.verdict.comparison import Comparison
 from chatter_monitor.verdict.same_cut import SameCut
-from tests.verdict.test_same_cut import AIR, CHATTER_HZ, noise, spectra, teeth, tone
+from tests.verdict.test_same_cut import AIR, CHATTER_HZ, PASSING_HZ, noise, spectra, teeth, tone
 
 
 @pytest.fixture
@@ -57,3 +57,12 @@ def test_what_drowns_the_cut_ends_nothing(comparison):
     for spectrum in spectra(teeth() + 80.0 * noise(9)):
         comparison.hear(spectrum, 0.0)
         assert comparison.new is not None
+
+
+def test_another_speed_is_no_news(comparison):
+    """The lines of before are gone, and what forces the cut now is not new power, from the first spectrum on."""
+    for spectrum in spectra(teeth() + 0.3 * noise(10))[:5]:
+        comparison.hear(spectrum, 0.0)
+    for spectrum in spectra(3.0 * teeth(1.3 * PASSING_HZ) + 0.3 * noise(11)):
+        comparison.hear(spectrum, 0.0)
+        assert comparison.new is None
