@@ -94,9 +94,8 @@ class Earlier:
         if spectrum is not None and self._since >= self._whole:
             # a blow makes single intervals louder, and what chatters all of them
             blows = 1.0 - min(median(self._powers) / max(fmean(self._powers), SILENCE), 1.0)
-            for comparison in (self._passes, self._here):
-                if comparison is not None:
-                    comparison.hear(spectrum, blows)
+            for comparison in self._comparisons:
+                comparison.hear(spectrum, blows)
             if calm:
                 self._learn(spectrum, rotation_hz)
         self._powers.append(power)
@@ -117,9 +116,12 @@ class Earlier:
         return self._alarm is not None and self._alarm is self._here
 
     @property
+    def _comparisons(self) -> list[Comparison]:
+        return [each for each in (self._passes, self._here) if each is not None]
+
+    @property
     def _alarm(self) -> Comparison | None:
-        comparisons = (self._passes, self._here)
-        return next((each for each in comparisons if each is not None and each.new is not None), None)
+        return next((each for each in self._comparisons if each.new is not None), None)
 
     def _end(self) -> None:
         """Remember a pass, besides those before if it was the same cut, or else instead of them."""

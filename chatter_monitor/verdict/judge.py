@@ -12,7 +12,6 @@ from chatter_monitor.kernels.kinds import LOUDER, own_rise
 from chatter_monitor.kernels.vibrations import Rules
 from chatter_monitor.records import Flag, Verdict
 from chatter_monitor.tracking.comb import is_mains
-from chatter_monitor.tracking.long_spectrum import BIN_HZ
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.margin_tracker import FRAMES_TO_RENEW
 from chatter_monitor.tracking.orders import Orders
@@ -27,7 +26,7 @@ from chatter_monitor.verdict.loudness import Loudness
 from chatter_monitor.verdict.opinion import Memory, Opinion, entering, is_undamped, opinion, stands_for
 from chatter_monitor.verdict.origin import Origin
 from chatter_monitor.verdict.probability import Signs, chatter_probability, told_by_vibrations
-from chatter_monitor.verdict.same_cut import BAND
+from chatter_monitor.verdict.same_cut import BAND_HZ
 from chatter_monitor.verdict.settings import JudgeSettings
 from chatter_monitor.verdict.surge import Surge
 from chatter_monitor.verdict.vibrations import Followed, Following, Told, repeating_share, steady_share
@@ -40,8 +39,6 @@ AFTER_CHATTER = Margin(reason="the cut chattered just now")
 # Flags under which nothing is claimed. Clipping alone bends the waveform but leaves frequency and damping readable.
 DEAF = Flag.GAP | Flag.OVERFLOW | Flag.NON_FINITE | Flag.DEAD_CHANNEL
 
-# What is new is about a line where that is no farther from the middle of its band.
-NEW_WITHIN_HZ = BAND * BIN_HZ
 # Weight of an interval in the average of the shares: what is said does not flicker.
 AVERAGING = 0.15
 
@@ -209,7 +206,8 @@ class Judge:
         new = self._earlier.new
         if new is not None:
             why = reasons.new(new, within=self._earlier.within)
-            return Opinion("self_excited", 1.0, (why,), vibrations.nearest(new.hertz, NEW_WITHIN_HZ))
+            # in that band or beside it, or it is about no line
+            return Opinion("self_excited", 1.0, (why,), vibrations.nearest(new.hertz, BAND_HZ))
         if rise > 0.0 and evidence.cycle is not None:
             nearest = vibrations.nearest(evidence.cycle.frequency_hz)
             hertz = evidence.cycle.frequency_hz if nearest is None else nearest.line.frequency_hz

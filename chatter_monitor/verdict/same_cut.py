@@ -38,6 +38,7 @@ RELATIONS = 0.75
 GONE = math.log(4.0)
 # Bins of a band, and by how many times its largest power before it has to be louder than what forces the cut explains.
 BAND, BEYOND = 10, math.exp(1.2)
+BAND_HZ = BAND * BIN_HZ
 
 
 class New(NamedTuple):
@@ -49,7 +50,7 @@ class New(NamedTuple):
     @property
     def hertz(self) -> float:
         """Middle of the band with most of it."""
-        return (float(self.bands.argmax()) + 0.5) * BAND * BIN_HZ
+        return (float(self.bands.argmax()) + 0.5) * BAND_HZ
 
 
 class SameCut:
