@@ -207,15 +207,18 @@ class Advice(msgspec.Struct, frozen=True):
 
 
 class Event(Message, frozen=True, tag="event"):
-    """Something that happened and ended, such as a stretch of chatter; ``withdrawn`` if it turned out to be none."""
+    """Something that happened and ended, such as a stretch of chatter; ``withdrawn`` if it turned out to be none.
+
+    Its frequency and damping are None where it was in no line.
+    """
 
     id: str
     channel: int
     kind: Literal["chatter"]
     onset_s: float
     end_s: float
-    peak_frequency_hz: float
-    min_damping_ratio: float
+    peak_frequency_hz: float | None
+    min_damping_ratio: float | None
     advice: list[Advice] = []
     remedy: str = ""
     recording: str | None = None

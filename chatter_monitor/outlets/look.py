@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from chatter_monitor.records import State
+from chatter_monitor.records import Event, State
 
 Colour = tuple[int, int, int]
 
@@ -64,3 +64,20 @@ def percent(probability: float) -> str:
     if 0.0 < probability <= 0.005:
         return "< 1 %"
     return "> 99 %" if 0.995 <= probability < 1.0 else f"{100.0 * probability:.0f} %"
+
+
+def hertz(frequency_hz: float | None, otherwise: str = "-") -> str:
+    """Tell a frequency, or what is said where there is none."""
+    return otherwise if frequency_hz is None else f"{frequency_hz:.0f} Hz"
+
+
+def damping(damping_ratio: float | None, otherwise: str = "-") -> str:
+    """Tell a damping ratio, or what is said where there is none."""
+    return otherwise if damping_ratio is None else f"{100.0 * damping_ratio:.2f} %"
+
+
+def vibration(event: Event) -> str:
+    """Tell which vibration an event was about."""
+    if event.peak_frequency_hz is None:
+        return "in no line"
+    return f"at {hertz(event.peak_frequency_hz)}, least damping {damping(event.min_damping_ratio, 'unknown')}"

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from chatter_monitor.outlets.look import SEVERITY, STATES, percent
+from chatter_monitor.outlets.look import SEVERITY, STATES, hertz, percent, vibration
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Announcement, Event, Health, Mismatch, Odp, OdpFrame, State, Verdict
 from chatter_monitor.verdict.reasons import DOUBTED
@@ -49,8 +49,9 @@ class Stretch:
         """Append the next interval."""
         self.t1 = verdict.t1
         self.confidence.append(verdict.confidence)
-        if verdict.frequency_hz is not None and verdict.damping_ratio is not None and verdict.damping_ratio_ci95:
+        if verdict.frequency_hz is not None:
             self.frequency_hz.append(verdict.frequency_hz)
+        if verdict.damping_ratio is not None and verdict.damping_ratio_ci95:
             self.damping_ratio.append(verdict.damping_ratio)
             self.half_width.append((verdict.damping_ratio_ci95[1] - verdict.damping_ratio_ci95[0]) / 2)
 
@@ -163,8 +164,7 @@ class Timeline(Outlet):
                 if event.channel == channel:
                     what = "Alarm, withdrawn," if event.withdrawn else "Chatter"
                     console.print(
-                        f"  {what} from {event.onset_s:.2f} s to {event.end_s:.2f} s at "
-                        f"{event.peak_frequency_hz:.0f} Hz; least damping {100 * event.min_damping_ratio:.2f} %.",
+                        f"  {what} from {event.onset_s:.2f} s to {event.end_s:.2f} s {vibration(event)}.",
                         style="bold" if event.withdrawn else "bold red",
                         highlight=False,
                     )
@@ -209,18 +209,15 @@ class Timeline(Outlet):
             table.add_column(heading, justify="right")
         table.add_column("state")
         for stretch in stretches:
-            frequency = damping = "-"
-            if stretch.frequency_hz:
-                frequency = f"{statistics.median(stretch.frequency_hz):.0f} Hz"
-                damping = (
-                    f"{100 * statistics.median(stretch.damping_ratio):.2f} "
-                    f"± {100 * statistics.median(stretch.half_width):.2f} %"
-                )
+            damped = "-"
+            if stretch.damping_ratio:
+                half_width = 100.0 * statistics.median(stretch.half_width)
+                damped = f"{100.0 * statistics.median(stretch.damping_ratio):.2f} ± {half_width:.2f} %"
             table.add_row(
                 f"{stretch.t0:.2f} s",
                 f"{stretch.t1:.2f} s",
-                frequency,
-                damping,
+                hertz(statistics.median(stretch.frequency_hz)) if stretch.frequency_hz else "-",
+                damped,
                 percent(statistics.median(stretch.confidence)) if stretch.confidence else "-",
                 Text(STATES[stretch.state].word, style=STATES[stretch.state].style),
             )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from chatter_monitor.outlets.look import STATES
+from chatter_monitor.outlets.look import STATES, damping, hertz
 from chatter_monitor.records import State
 from chatter_monitor.reports.page import Link, answer, hex_colour, numbers, page, picture, table, text
 from chatter_monitor.reports.shift import CUTTING, duration
@@ -80,14 +80,13 @@ def worst_first(done: Mapping[str, Summary]) -> list[tuple[str, Summary]]:
 
 def row(name: str, summary: Summary) -> tuple[str, ...]:
     """What is said about a recording, under `HEADINGS`."""
-    frequency, damping = summary.peak_frequency_hz, summary.min_damping_ratio
     return (
         name,
         duration(summary.duration_s),
         *(duration(summary.seconds(state)) for state in ("forced", "approaching", "self_excited")),
         str(summary.events),
-        "-" if frequency is None else f"{frequency:.0f} Hz",
-        "-" if damping is None else f"{100 * damping:.2f} %",
+        hertz(summary.peak_frequency_hz),
+        damping(summary.min_damping_ratio),
     )
 
 

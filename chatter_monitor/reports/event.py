@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.outlets.event_files import RecordedEvent
-from chatter_monitor.outlets.look import GREY, STATES, percent
+from chatter_monitor.outlets.look import GREY, STATES, damping, hertz, percent
 from chatter_monitor.records import Verdict
 from chatter_monitor.reports.page import answer, facts, hex_colour, numbers, page, picture, table, text
 
@@ -42,21 +42,22 @@ def event_page(recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: ND
         what, did, is_called, look = "Withdrawn alarm", "there was", "was called", STATES["forced"]
     else:
         what, did, is_called, look = "Chatter", "the cut fed", "is called", STATES["self_excited"]
+    at = "" if recorded.peak_frequency_hz is None else f" at {hertz(recorded.peak_frequency_hz)}"
     told = (
-        f"on {recorded.machine}, channel {recorded.channel}: for {lasted_s:.1f} s {did} a vibration at "
-        f"{recorded.peak_frequency_hz:.0f} Hz. {_remedy(recorded)}"
+        f"on {recorded.machine}, channel {recorded.channel}: for {lasted_s:.1f} s {did} a vibration{at}. "
+        f"{_remedy(recorded)}"
     )
     speed_rpm = recorded.settings.get("spindle", {}).get("speed_rpm")
     named = [
         ("began (UTC)", _clock(recorded.onset_utc)),
         ("lasted", f"{lasted_s:.2f} s"),
-        ("frequency", f"{recorded.peak_frequency_hz:.0f} Hz"),
-        ("least damping", f"{100 * recorded.min_damping_ratio:.2f} %"),
+        ("frequency", hertz(recorded.peak_frequency_hz)),
+        ("least damping", damping(recorded.min_damping_ratio)),
         ("sure", percent(sure)),
         ("spindle", "unknown" if speed_rpm is None else f"{speed_rpm:.0f} rpm"),
     ]
     parts = [
-        f"<h1>{what} at {recorded.peak_frequency_hz:.0f} Hz</h1>",
+        f"<h1>{what}{at}</h1>",
         f'<p class="soft">{text(recorded.machine)}, {text(recorded.onset_utc[:19].replace("T", " "))} UTC, '
         f"{text(recorded.id)}</p>",
         answer(what, told, look.colour),
@@ -73,7 +74,7 @@ def event_page(recorded: RecordedEvent, verdicts: Sequence[Verdict], samples: ND
         "<h2>The recording</h2>",
         _about(recorded),
     ]
-    return page(f"{what} at {recorded.peak_frequency_hz:.0f} Hz, {recorded.machine}", parts)
+    return page(f"{what}{at}, {recorded.machine}", parts)
 
 
 def _remedy(recorded: RecordedEvent) -> str:
@@ -174,7 +175,7 @@ def _draw_signal(axes: Axes, samples: NDArray[np.float64], rate_hz: float, befor
 
 
 def _draw_spectrogram(
-    axes: Axes, samples: NDArray[np.float64], rate_hz: float, before_s: float, chatter_hz: float
+    axes: Axes, samples: NDArray[np.float64], rate_hz: float, before_s: float, chatter_hz: float | None
 ) -> None:
     points = round(SPECTRUM_S * rate_hz)
     hop = max(points // 2, samples.size // 800)
@@ -183,7 +184,7 @@ def _draw_spectrogram(
     pieces = np.lib.stride_tricks.sliding_window_view(np.nan_to_num(samples), points)[::hop]
     window = np.hanning(points + 1)[:-1]
     level = 20.0 * np.log10(np.abs(np.fft.rfft(pieces * window, axis=1)) * np.sqrt(2.0) / window.sum() + 1e-9)
-    top_hz = min(rate_hz / 2.0, max(2000.0, 3.0 * chatter_hz))
+    top_hz = min(rate_hz / 2.0, max(2000.0, 3.0 * (chatter_hz or 0.0)))
     level = level[:, : int(top_hz * SPECTRUM_S) + 1].T
     extent = (-before_s, len(pieces) * hop / rate_hz - before_s, 0.0, top_hz)
     axes.imshow(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from chatter_monitor.outlets.look import GREY, SKY_BLUE, STATES
+from chatter_monitor.outlets.look import GREY, SKY_BLUE, STATES, damping, hertz, vibration
 from chatter_monitor.records import Event, State, Verdict
 from chatter_monitor.reports.page import answer, hex_colour, numbers, page, picture, table, text
 
@@ -155,10 +155,7 @@ def _answer(shift: Shift, chatter: Sequence[ListedEvent], chattered: float) -> s
     if count:
         worst = max(chatter, key=lambda e: e.event.end_s - e.event.onset_s)
         events = "1 event" if count == 1 else f"{count} events"
-        told = (
-            f"{duration(chattered)} in {events}; the longest began at {worst.when} and was at "
-            f"{worst.event.peak_frequency_hz:.0f} Hz."
-        )
+        told = f"{duration(chattered)} in {events}; the longest began at {worst.when} and was {vibration(worst.event)}."
         return answer("Chatter:", told, STATES["self_excited"].colour)
     if any(seconds.get("unknown", 0.0) > 0.1 * sum(seconds.values()) for seconds in shift.seconds.values()):
         told = "but for much of the time nothing could be said."
@@ -179,8 +176,8 @@ def _events(events: Iterable[ListedEvent]) -> list[str]:
             listed.when,
             str(listed.event.channel),
             duration(listed.event.end_s - listed.event.onset_s),
-            f"{listed.event.peak_frequency_hz:.0f} Hz",
-            f"{100 * listed.event.min_damping_ratio:.2f} %",
+            hertz(listed.event.peak_frequency_hz),
+            damping(listed.event.min_damping_ratio),
             _try(listed.event),
         )
         for listed in events

@@ -10,6 +10,7 @@ import msgspec
 from chatter_monitor.errors import InputError
 from chatter_monitor.outlets.event_files import RecordedEvent, read
 from chatter_monitor.outlets.event_store import Entry, EventStore
+from chatter_monitor.outlets.look import damping, hertz
 
 DAY_S = 86_400.0
 HEADINGS = ["id", "onset (UTC)", "ch", "chatter s", "Hz", "damping %", "kept s", "MB", ""]
@@ -58,8 +59,8 @@ def _cells(entry: Entry) -> list[str]:
         recorded.onset_utc[:19].replace("T", " "),
         str(recorded.channel),
         f"{recorded.end_s - recorded.onset_s:.2f}",
-        f"{recorded.peak_frequency_hz:.0f}",
-        f"{100 * recorded.min_damping_ratio:.2f}",
+        hertz(recorded.peak_frequency_hz).removesuffix(" Hz"),
+        damping(recorded.min_damping_ratio).removesuffix(" %"),
         f"{recorded.samples / recorded.sample_rate_hz:.1f}",
         f"{entry.size_bytes / 1e6:.1f}",
     ]

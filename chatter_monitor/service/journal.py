@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
+from chatter_monitor.outlets.look import vibration
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Announcement, Event, Health, Mismatch, Odp, OdpFrame, Verdict
 
@@ -79,13 +80,12 @@ class Story(Outlet):
             case Event():
                 self._alarmed.discard(message.channel)
                 _log.warning(
-                    "channel %d: %s after %.2f s, event %s: %.0f Hz, least damping %.2f %%",
+                    "channel %d: %s after %.2f s, event %s: %s",
                     message.channel,
                     "the alarm is withdrawn" if message.withdrawn else "chatter is over",
                     message.end_s - message.onset_s,
                     message.id,
-                    message.peak_frequency_hz,
-                    100 * message.min_damping_ratio,
+                    vibration(message),
                 )
             case Mismatch():
                 self._mismatch(message)

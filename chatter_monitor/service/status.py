@@ -67,8 +67,10 @@ class Status(Outlet):
 
 def _words(verdict: Verdict) -> str:
     words = f"channel {verdict.channel}: {STATES[verdict.state].word}"
-    if verdict.frequency_hz is not None and verdict.damping_ratio is not None:
-        words += f", {verdict.frequency_hz:.0f} Hz, damping {100 * verdict.damping_ratio:.2f} %"
+    if verdict.frequency_hz is not None:
+        words += f", {verdict.frequency_hz:.0f} Hz"
+    if verdict.damping_ratio is not None:
+        words += f", damping {100 * verdict.damping_ratio:.2f} %"
     return words
 
 

@@ -15,6 +15,7 @@ from chatter_monitor.verdict.reasons import CAME_WITH_TOOL, DOUBTED, WITHDRAWN
 AS_TOLD = 0.05
 # Advice rests on the speed and the teeth, and neither is what was told, most likely.
 TELL_THE_SPEED = Recommendation((), f"tell the spindle's speed and teeth: {DOUBTED}")
+LESS_DEPTH = Recommendation((), "reduce the depth of cut: no speed can be advised where no frequency is heard")
 
 
 class EventLog:
@@ -53,23 +54,13 @@ class EventLog:
         intervals = self._intervals.pop(channel, [])
         if not intervals:
             return None
-        heard = [
-            (v.damping_ratio, v.frequency_hz)
-            for v in intervals
-            if v.damping_ratio is not None and v.frequency_hz is not None
-        ]
-        if not heard:
-            return None
-        # Another vibration may be meant for an interval, such as after a gap; the event is the one that lasts. It is
-        # called by where it mostly was: that with the least damping may be an interval in which it was hardly told.
-        usual_hz = statistics.median(hertz for _, hertz in heard)
-        lasting = [(damping, hertz) for damping, hertz in heard if abs(hertz - usual_hz) <= SAME_VIBRATION * usual_hz]
-        damping_ratio = min(damping for damping, _ in lasting or heard)
-        frequency_hz = statistics.median(hertz for _, hertz in lasting or heard)
+        frequency_hz, lasting = _that_lasts(intervals)
         if withdrawn is not None:
             recommendation = Recommendation((), f"nothing: {withdrawn}")
         elif DOUBTED in intervals[-1].reasons:
             recommendation = TELL_THE_SPEED
+        elif frequency_hz is None:
+            recommendation = LESS_DEPTH
         else:
             recommendation = advise(frequency_hz, self._spindle, _rotation_hz(intervals, self._spindle.speed_rpm))
         self._count += 1
@@ -80,11 +71,25 @@ class EventLog:
             onset_s=intervals[0].t0,
             end_s=intervals[-1].t1,
             peak_frequency_hz=frequency_hz,
-            min_damping_ratio=damping_ratio,
+            min_damping_ratio=min((v.damping_ratio for v in lasting if v.damping_ratio is not None), default=None),
             advice=list(recommendation.speeds),
             remedy=recommendation.text,
             withdrawn=withdrawn is not None,
         )
+
+
+def _that_lasts(intervals: list[Verdict]) -> tuple[float | None, list[Verdict]]:
+    """Frequency of the vibration that lasts, where any is heard, and the intervals that are about it.
+
+    Another may be meant for an interval, such as after a gap. An event is called by where it mostly was: that with the
+    least damping may be an interval in which it was hardly told.
+    """
+    heard = [(v.frequency_hz, v) for v in intervals if v.frequency_hz is not None]
+    if not heard:
+        return None, intervals
+    usual_hz = statistics.median(hertz for hertz, _ in heard)
+    lasting = [each for each in heard if abs(each[0] - usual_hz) <= SAME_VIBRATION * usual_hz] or heard
+    return statistics.median(hertz for hertz, _ in lasting), [v for _, v in lasting]
 
 
 def _rotation_hz(intervals: list[Verdict], told_rpm: float | None) -> float | None:

@@ -23,7 +23,7 @@ from chatter_monitor.verdict.irregularity import Irregularity
 from chatter_monitor.verdict.level import Level
 from chatter_monitor.verdict.limit_cycle import LimitCycle
 from chatter_monitor.verdict.loudness import Loudness
-from chatter_monitor.verdict.opinion import Memory, Opinion, entering, is_undamped, opinion, stands_for
+from chatter_monitor.verdict.opinion import Memory, Opinion, alarm_about, entering, is_undamped, opinion, stands_for
 from chatter_monitor.verdict.origin import Origin
 from chatter_monitor.verdict.probability import Signs, chatter_probability, told_by_vibrations
 from chatter_monitor.verdict.same_cut import BAND_HZ
@@ -124,13 +124,14 @@ class Judge:
         if view.grounds not in (None, "alarm"):
             self._level.remember(power)
         undamped = view.state != "unknown" and is_undamped(evidence, settings)
-        since_alarm = 0.0 if view.state == "self_excited" else memory.since_alarm + 1.0
+        chatters = view.state == "self_excited"
         signs = _signs(view, evidence, memory)
         self.memory = memory._replace(
             signs=signs,
             forced=view.state == "forced",
             undamped=undamped,
-            since_alarm=since_alarm,
+            since_alarm=0.0 if chatters else memory.since_alarm + 1.0,
+            alarm_hz=view.frequency_hz if chatters else memory.alarm_hz,
             source=evidence.orders.source,
         )
         return self._record(view, evidence, first_sample, samples, sample_rate_hz)
@@ -194,8 +195,8 @@ class Judge:
             return view
         about = suspect if chattered is None else chattered
         rise = self._loudness.rise
-        why = reasons.still_loud(rise) if suspect is None else reasons.loud(suspect, rise)
-        return Opinion("self_excited", 1.0, (why,), None if about is None else about.heard)
+        why = (reasons.still_loud(rise) if suspect is None else reasons.loud(suspect, rise),)
+        return Opinion("self_excited", 1.0, why, hertz=memory.alarm_hz) if about is None else alarm_about(about, why)
 
     def _without_line(self, evidence: Evidence, *, calm: bool) -> Opinion | None:
         """An alarm that is about no line that was seen to rise: where no line is coherent, one may chatter yet."""
@@ -207,11 +208,11 @@ class Judge:
         if new is not None:
             why = reasons.new(new, within=self._earlier.within)
             # in that band or beside it, or it is about no line
-            return Opinion("self_excited", 1.0, (why,), vibrations.nearest(new.hertz, BAND_HZ))
+            return Opinion("self_excited", 1.0, (why,), vibrations.nearest(new.hertz, BAND_HZ), hertz=new.hertz)
         if rise > 0.0 and evidence.cycle is not None:
             nearest = vibrations.nearest(evidence.cycle.frequency_hz)
             hertz = evidence.cycle.frequency_hz if nearest is None else nearest.line.frequency_hz
-            return Opinion("self_excited", 1.0, (reasons.cycle(hertz, rise),), nearest)
+            return Opinion("self_excited", 1.0, (reasons.cycle(hertz, rise),), nearest, hertz=hertz)
         if times > 0.0:
             return Opinion("self_excited", 1.0, (reasons.irregular(times),), vibrations.loudest)
         return None
@@ -297,10 +298,10 @@ def _meant(view: Opinion, evidence: Evidence) -> tuple[float | None, ModeEvidenc
     """Frequency and mode of the vibration that a verdict is about."""
     if view.state in ("idle", "unknown"):
         return None, None
-    if view.state == "self_excited" and view.vibration is None:  # no other mode is what the alarm is about
-        return None, None
     if view.vibration is not None:
-        return view.vibration.line.frequency_hz, view.vibration.mode
+        return view.frequency_hz, view.vibration.mode
+    if view.state == "self_excited":  # no other mode is what the alarm is about
+        return view.frequency_hz, None
     if view.state == "forced" and evidence.orders.lines:
         return evidence.orders.lines[0].frequency_hz, None
     return (None, None) if evidence.critical is None else (evidence.critical.frequency_hz, evidence.critical)

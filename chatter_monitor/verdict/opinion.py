@@ -13,7 +13,7 @@ from chatter_monitor.verdict import reasons
 from chatter_monitor.verdict.evidence import Evidence, Vibration, probability_below
 from chatter_monitor.verdict.probability import Grounds, Signs
 from chatter_monitor.verdict.settings import JudgeSettings
-from chatter_monitor.verdict.vibrations import Told
+from chatter_monitor.verdict.vibrations import Followed, Told
 
 # From this share of the power on, what turns with the spindle comes before a warning, but for what has got louder.
 MOST = 0.5
@@ -57,6 +57,8 @@ class Memory(NamedTuple):
         Whether its damping was surely as good as none.
     since_alarm : float
         Intervals since the last one that was called chatter.
+    alarm_hz : float or None
+        Where that was.
     source : str or None
         How the speed was known in the last interval.
     louder, surge : float
@@ -74,6 +76,7 @@ class Memory(NamedTuple):
     forced: bool = False
     undamped: bool = False
     since_alarm: float = math.inf
+    alarm_hz: float | None = None
     source: Source | None = None
     louder: float = 0.0
     surge: float = 0.0
@@ -100,6 +103,8 @@ class Opinion(NamedTuple):
         Which one is meant.
     surging : bool
         Whether that is because it gets louder from one moment to the next.
+    hertz : float or None
+        Where an alarm is that is about none of the lines of this interval, as far as that is known.
     """
 
     state: State
@@ -107,6 +112,12 @@ class Opinion(NamedTuple):
     reasons: tuple[str, ...]
     vibration: Vibration | None = None
     surging: bool = False
+    hertz: float | None = None
+
+    @property
+    def frequency_hz(self) -> float | None:
+        """Where what is meant is."""
+        return self.hertz if self.vibration is None else self.vibration.line.frequency_hz
 
     @property
     def grounds(self) -> Grounds | None:
@@ -127,7 +138,7 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     told = memory.told
     alarm = told.alarm
     if alarm is not None:
-        return Opinion("self_excited", 1.0, reasons.chatter(alarm, evidence.orders), alarm.heard)
+        return alarm_about(alarm, reasons.chatter(alarm, evidence.orders))
     forced = forced_by(memory.forced_share)
     suspect = told.suspect if told.overview.heard_suspicion >= settings.warning_probability else None
     riser = told.riser
@@ -145,6 +156,11 @@ def opinion(evidence: Evidence, memory: Memory, settings: JudgeSettings) -> Opin
     if _is_mostly_forced(memory, settings):
         return Opinion("forced", forced, *_why_forced(evidence, memory, settings))
     return _stable_or_near(evidence, memory, forced, settings)
+
+
+def alarm_about(followed: Followed, why: tuple[str, ...]) -> Opinion:
+    """An alarm about a vibration, whether its line is heard in this interval or not."""
+    return Opinion("self_excited", 1.0, why, followed.heard, hertz=followed.frequency_hz)
 
 
 def _surging(evidence: Evidence, memory: Memory) -> Vibration | None:

@@ -80,16 +80,17 @@ def test_the_table_covers_the_recording(strip):
 
 
 def test_a_row_tells_medians():
-    """Frequency, damping with its 95 % half width and confidence are medians over the stretch; none is a dash."""
+    """Frequency, damping with its 95 % half width and confidence are medians over the intervals that have one; none is a dash."""
     timeline = Timeline(1)
     timeline.message(verdict(0, "unknown"))
     for i, damping in enumerate([0.001, 0.002, 0.009]):
         about = {"frequency_hz": 1000.0 + i, "damping_ratio": damping, "confidence": 0.8 + i / 20}
         timeline.message(verdict(i + 1, "self_excited", damping_ratio_ci95=(damping - 0.001, damping + 0.001), **about))
+    timeline.message(verdict(4, "self_excited", frequency_hz=1003.0, confidence=0.9))
     unknown, chatter = shown(timeline)[3:5]
     assert unknown.split() == ["0.00", "s", "0.05", "s", "-", "-", "0", "%", "unknown"]
     assert chatter.split() == [
-        *["0.05", "s", "0.20", "s", "1001", "Hz", "0.20", "±", "0.10", "%", "85", "%", "CHATTER"]
+        *["0.05", "s", "0.25", "s", "1002", "Hz", "0.20", "±", "0.10", "%", "88", "%", "CHATTER"]
     ]
 
 
@@ -146,7 +147,7 @@ def test_what_a_machinist_reads():
     timeline.message(health(t=1.0, lost=3, clipped=4, non_finite=5))
     lines = shown(timeline, missing=6)
     first, second = lines.index("cut.flac, channel 0"), lines.index("cut.flac, channel 1")
-    sentence = "  Chatter from 0.50 s to 0.90 s at 1067 Hz; least damping -0.12 %."
+    sentence = "  Chatter from 0.50 s to 0.90 s at 1067 Hz, least damping -0.12 %."
     assert sentence in lines[second:]
     assert sentence not in lines[first:second]
     assert lines.count("  1.0 s in all: stable 1.0 s.") == 2
@@ -164,7 +165,7 @@ def test_an_alarm_that_is_withdrawn_is_told_as_such():
     fill(timeline, "-" * 20, 0)
     about = {"onset_s": 0.5, "end_s": 0.9, "peak_frequency_hz": 1067.4, "min_damping_ratio": -0.0012}
     timeline.message(event(withdrawn=True, **about))
-    assert "  Alarm, withdrawn, from 0.50 s to 0.90 s at 1067 Hz; least damping -0.12 %." in shown(timeline)
+    assert "  Alarm, withdrawn, from 0.50 s to 0.90 s at 1067 Hz, least damping -0.12 %." in shown(timeline)
 
 
 def test_a_machinist_reads_what_to_change():

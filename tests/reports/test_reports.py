@@ -127,6 +127,15 @@ def test_an_alarm_that_was_withdrawn_is_not_called_chatter(entry):
     assert "Why it was called chatter" in seen.text
 
 
+def test_an_event_in_no_line_has_a_page(entry):
+    """Where nobody heard a frequency or a damping the page tells neither."""
+    recorded = msgspec.structs.replace(read(entry.json), peak_frequency_hz=None, min_damping_ratio=None, advice=[])
+    alarm = verdict(recorded.onset_s, "self_excited")
+    seen = Seen(event_page(recorded, [alarm], np.ones(round(recorded.sample_rate_hz))))
+    assert "the cut fed a vibration. " in seen.text
+    assert "None" not in seen.text
+
+
 def test_names_are_text(event_report):
     """A machine's name with signs of markup in it is shown as it is and becomes no markup."""
     assert "lathe <3>" in event_report.text

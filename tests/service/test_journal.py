@@ -90,7 +90,7 @@ def test_an_alarm_that_is_withdrawn_was_no_chatter(caplog):
     alarm = verdict(state="self_excited", reasons=["damping 0.11 % at 898 Hz"])
     over = event(id="a-0-0001", end_s=2.5, peak_frequency_hz=898.0, min_damping_ratio=1e-3, withdrawn=True)
     assert told(caplog, alarm, over)[1:] == [
-        "channel 0: the alarm is withdrawn after 1.50 s, event a-0-0001: 898 Hz, least damping 0.10 %"
+        "channel 0: the alarm is withdrawn after 1.50 s, event a-0-0001: at 898 Hz, least damping 0.10 %"
     ]
 
 
@@ -101,6 +101,6 @@ def test_chatter_is_told_when_it_begins_and_ends(caplog):
     over = event(id="a-0-0001", end_s=2.5, peak_frequency_hz=898.0, min_damping_ratio=1e-3)
     assert told(caplog, stable, alarm, alarm, deaf, alarm, over, stable, alarm) == [
         "channel 0: CHATTER: damping 0.11 % at 898 Hz",
-        "channel 0: chatter is over after 1.50 s, event a-0-0001: 898 Hz, least damping 0.10 %",
+        "channel 0: chatter is over after 1.50 s, event a-0-0001: at 898 Hz, least damping 0.10 %",
         "channel 0: CHATTER: damping 0.11 % at 898 Hz",
     ]

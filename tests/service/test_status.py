@@ -36,6 +36,8 @@ def test_the_sentence():
     assert status(other, verdict(), health(), LINE).sentence() == (
         "Hearing 'mic' at 48 kHz. channel 0: CHATTER, 898 Hz, damping 0.11 %; channel 1: stable."
     )
+    undamped = verdict(state="self_excited", frequency_hz=898.0)
+    assert status(undamped, health()).sentence().endswith("channel 0: CHATTER, 898 Hz.")
     wrong = health(reasons=["12 samples lost"])
     assert status(verdict(), wrong).sentence().endswith("channel 0: stable. Beware: 12 samples lost.")
     deaf = health(state="not_hearing", reasons=["nothing heard for 2.0 s: gone"])

@@ -72,6 +72,16 @@ def test_intervals_without_a_frequency_belong_to_it():
     assert (event.end_s, event.peak_frequency_hz) == (pytest.approx(0.1), 1067.0)
 
 
+def test_an_alarm_that_is_in_no_line_leaves_an_event():
+    """Where no damping is heard it has none; where no frequency is either, less depth is advised and no speed."""
+    undamped = event_of(verdict_of("self_excited", 0, damping=None), spindle=MILL)
+    assert (undamped.min_damping_ratio, undamped.peak_frequency_hz) == (None, 1067.0)
+    assert undamped.advice
+    unheard = event_of(verdict_of("self_excited", 0, damping=None, frequency=None), spindle=MILL)
+    assert (unheard.min_damping_ratio, unheard.peak_frequency_hz, unheard.advice) == (None, None, [])
+    assert unheard.remedy.startswith("reduce the depth of cut")
+
+
 def test_events_of_channels_are_apart():
     """Each channel has events of its own, all with different names."""
     log = EventLog("cut", SpindleSettings())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from chatter_monitor.outlets.look import STATES, percent
+from chatter_monitor.outlets.look import STATES, percent, vibration
 from chatter_monitor.records import Event, Health, Verdict
 
 LARGE_PERCENT = 100
@@ -61,10 +61,7 @@ def _margin(percent: float) -> str:
 def event(message: Event) -> tuple[str, str]:
     """What happened, and what to change: a line each."""
     what = "an alarm that is withdrawn," if message.withdrawn else "chatter"
-    happened = (
-        f"Channel {message.channel}: {what} for {message.end_s - message.onset_s:.2f} s at "
-        f"{message.peak_frequency_hz:.0f} Hz, least damping {100 * message.min_damping_ratio:.2f} %."
-    )
+    happened = f"Channel {message.channel}: {what} for {message.end_s - message.onset_s:.2f} s {vibration(message)}."
     return happened, f"Change: {message.remedy or 'nothing is known that would help'}."
 
 

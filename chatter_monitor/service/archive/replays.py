@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from chatter_monitor.config import Settings, decisive_tables, load
 from chatter_monitor.outlets.event_files import recorded_event
 from chatter_monitor.outlets.message_tables import TABLES, MessageTables
 from chatter_monitor.outlets.timeline import Timeline
+from chatter_monitor.records import Event
 from chatter_monitor.reports import archive as telling
 from chatter_monitor.reports.archive import Summary
 from chatter_monitor.service.archive.dataset import Place
@@ -63,7 +65,7 @@ class Replays(Kind[Summary]):
                 for _ in monitor.run():
                     pass
             whole = timeline.summary(file, recording.missing_samples)
-        worst = min(whole.events, key=lambda event: event.min_damping_ratio, default=None)
+        worst = min(whole.events, key=_damping, default=None)
         seconds = {
             f"{state}_s": sum(channel.get(state, 0.0) for channel in whole.seconds_in)
             for channel in whole.seconds_in
@@ -87,3 +89,8 @@ class Replays(Kind[Summary]):
     def _settings(self, file: Path | None) -> Settings:
         beside = [file.with_suffix(".json")] if file is not None and recorded_event(file) is not None else []
         return load(beside, self.configuration)
+
+
+def _damping(event: Event) -> float:
+    """Least damping of an event, for the order of events: of those without any that was heard the last."""
+    return math.inf if event.min_damping_ratio is None else event.min_damping_ratio
