@@ -80,7 +80,7 @@ def test_the_table_covers_the_recording(strip):
 
 
 def test_a_row_tells_medians():
-    """Frequency, damping with its 95 % half width and confidence are medians over the intervals that have one; none is a dash."""
+    """Frequency, damping, half width and confidence are medians of the intervals that have one; none is a dash."""
     timeline = Timeline(1)
     timeline.message(verdict(0, "unknown"))
     for i, damping in enumerate([0.001, 0.002, 0.009]):
