@@ -4,17 +4,18 @@ The mean logarithm of the power of all bins minds no line, however strong: it is
 or that of the room. When the tool leaves the cut it falls at once, and the whole becomes quieter; as long as both stay
 so, nothing is being cut. What it falls to next time is learned anew, for a room changes. As long as nothing has fallen
 the tool is taken to be in the cut: who does not know misses nothing. When the room itself gets louder it is taken to be
-in the cut, too; but what begins at once where all was fainter than the cut before is the tool that enters. Where it
-was as loud as that, before it chattered, it is the next cut, and nothing enters it. As long as no cut is known, the
-tool is what begins where nothing but noise was heard, and maybe the one steady tone of a pump, if it lifts the noise at
-once as well, or is several lines: a vibration that grows by itself comes before the noise that it makes, takes nearly
-all of the power, and is below its overtones. So is what is there at once, noise or not: growth takes time. But where a
-mode had sounded, in a machine that rings, it has to be far louder than that, and where teeth were heard the tool is in
-the cut.
-Lines that stay as they were while all else gets louder are a pump's and count as silence, and so they do when the
-whole falls and nothing else is left. What falls while most of what is heard goes on, fainter, is a cut that gets
-lighter, or one whose comb is taken out from then on. Until there is enough of that to compare with, the tool has left
-when all of the signal falls, comb and all, between the lines, too, and nothing repeats any more.
+in the cut, too; but what begins at once where all was fainter than the cut before, its comb included, is the tool that
+enters. Where it was as loud as that, before it chattered, it is the next cut, and nothing enters it. As long as no cut
+is known, the tool is what begins where nothing but noise was heard, and maybe the one steady tone of a pump, if it
+lifts the noise at once as well, or is several lines: a vibration that grows by itself comes before the noise that it
+makes, takes nearly all of the power, and is below its overtones. So is what is there at once, noise or not: growth
+takes time. But where a mode had sounded, in a machine that rings, it has to be far louder than that, and where teeth
+were heard the tool is in the cut.
+Lines that stay as they were while all else gets louder are a pump's and count as silence, and so they do when the whole
+falls and nothing else is left. Of a cut in a loud room nothing but its comb may have been heard: the tool has left when
+all of the signal falls, comb and all, nothing repeats any more, and nothing but noise is left. What falls while most of
+what is heard goes on, fainter, is a cut that gets lighter, or one whose comb is taken out from then on. Until there is
+enough of that to compare with, the tool has left when all of the signal falls, between the lines, too.
 
 A tool brings its lines with its noise. Where a line goes on to stand out more and more after the noise of what was
 taken for the first tool to enter has come, that is taken back: it grows by itself, and out of all that was before.
@@ -68,14 +69,15 @@ STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 # whether the cut before it was no louder between the lines; the whole power before it fell, as long as it has not
 # come back, without what turns and with it; that with what turns which it does not reach, if beside a pump; and the
 # power of this cut where it was lightest, for it is louder where it chatters. That is also what is kept of the one
-# before.
+# before. Of both once more with what turns.
 LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, ALONE, RESIDUAL, WHOLE, WHOLE_LIMIT, LIGHTEST = range(11)
+WHOLE_LIGHTEST, WHOLE_CUT = range(11, 13)
 
 
 def new_air():
     """Nothing is known of it; the tool is in the cut."""
-    air = np.full(LIGHTEST + 1, -math.inf)
-    air[[SINCE, WHOLE_LIMIT, LIGHTEST]] = math.inf
+    air = np.full(WHOLE_CUT + 1, -math.inf)
+    air[[SINCE, WHOLE_LIMIT, LIGHTEST, WHOLE_LIGHTEST]] = math.inf
     air[ENTERED], air[ALIKE], air[ALONE] = LONGEST, 0.0, 0.0
     return air
 
@@ -142,7 +144,7 @@ def engaged(rings, signs, head, air, scratch):
     signs : Signs
     head : int
         Column of the rings after the newest, counted from the start without wrapping.
-    air : ndarray of float64, shape (11,)
+    air : ndarray of float64, shape (13,)
         What is known of the air, changed in place.
     scratch : ndarray, shape (>= BEFORE,)
         Work space.
@@ -154,43 +156,36 @@ def engaged(rings, signs, head, air, scratch):
     air[ALIKE] += 1.0
     whole = rings.wholes[newest]
     out = level <= air[LEVEL] + NEAR and power <= air[LIMIT] and whole <= air[WHOLE_LIMIT]
+    noise = max(rings.crests[newest], rings.crests[last]) < NOISE
+    gone = not out and rings.repeating[newest] < TEETH and _fallen(rings.wholes, head, head, scratch)
     if out:
         air[LEVEL] += (level - air[LEVEL]) * (1.0 if level < air[LEVEL] else FOLLOWING)
         # what had still to die out when it fell is not the air
         air[LIMIT] += min(0.0, max(air[CUT] - FALL, power + NEAR) - air[LIMIT]) * FOLLOWING
     elif air[ALIKE] >= FALLING + BEFORE // 2:
-        power_before = _before(powers, head, air[ALIKE], scratch)
+        alike = air[ALIKE]
+        whole_before = _before(rings.wholes, head, alike, scratch)
         if air[SINCE] >= FALLING + BEFORE:
-            air[LIGHTEST] = min(air[LIGHTEST], power_before)
-        fell_between = _fallen(levels, head, air[ALIKE], scratch)
-        only_noise = max(rings.crests[newest], rings.crests[last]) < NOISE
-        only_noise &= max(power, powers[last]) <= power_before - FALL
-        only_pump = signs.pump and _fallen(rings.wholes, head, air[ALIKE], scratch)
-        if fell_between or only_noise or only_pump:
+            air[LIGHTEST] = min(air[LIGHTEST], _before(powers, head, alike, scratch))
+            air[WHOLE_LIGHTEST] = min(air[WHOLE_LIGHTEST], whole_before)
+        fell_between = _fallen(levels, head, alike, scratch)
+        only_noise = noise and _fallen(powers, head, alike, scratch)
+        only_pump = signs.pump and _fallen(rings.wholes, head, alike, scratch)
+        if fell_between or only_noise or only_pump or (noise and gone):
             out = not signs.fainter
-            air[ALIKE] = air[ALIKE] if out else 0.0
+            air[ALIKE] = alike if out else 0.0
         if out:
-            air[CUT] = min(air[LIGHTEST], power_before)
-            air[LEVEL], air[LIMIT] = level, max(air[CUT] - FALL, power + NEAR)
-            # beside a pump the noise may have fallen by so little that a cut whose comb is taken out is as quiet
-            air[WHOLE_LIMIT] = math.inf if fell_between or only_noise else whole + NEAR
-            air[ALONE] = not fell_between
+            _leave(rings, fell_between, fell_between or only_noise, head, alike, air, scratch)
         elif air[ENTERED] >= LONGEST:
-            out = _enters(rings, signs, power_before, head, air, scratch)
-    elif (
-        rings.repeating[newest] < TEETH
-        and _fallen(levels, head, head, scratch)
-        and _fallen(rings.wholes, head, head, scratch)
-    ):
-        out = True
-        air[LEVEL], air[ALONE] = level, 0.0
-        air[CUT] = min(air[LIGHTEST], _before(powers, head, head, scratch))
-        air[LIMIT], air[WHOLE_LIMIT] = max(air[CUT] - FALL, power + NEAR), math.inf
+            out = _enters(rings, signs, whole_before, head, air, scratch)
+    elif gone and (noise or _fallen(levels, head, head, scratch)):
+        out, fell_between = True, _fallen(levels, head, head, scratch)
+        _leave(rings, fell_between, fell_between, head, head, air, scratch)
     if out:
         air[ENTERED] = air[SINCE] = 0.0
         return False
     if air[SINCE] == 0.0:
-        air[LIGHTEST] = math.inf
+        air[LIGHTEST] = air[WHOLE_LIGHTEST] = math.inf
     air[SINCE] += 1.0
     if air[ENTERED] < LONGEST:
         air[ENTERED] += 1.0
@@ -205,7 +200,22 @@ def engaged(rings, signs, head, air, scratch):
 
 
 @njit(**OPTIONS)
-def _enters(rings, signs, power_before, head, air, scratch):
+def _leave(rings, fell_between, fell_without, head, alike, air, scratch):
+    """Learn of the air, and of the cut before it, when the tool leaves: what fell between the lines, or without a comb.
+
+    Beside a pump, or in a loud room, a cut whose comb is taken out may be as quiet as the air; with it, it is not.
+    """
+    newest = (head - 1) % rings.levels.shape[0]
+    air[CUT] = min(air[LIGHTEST], _before(rings.powers, head, alike, scratch))
+    air[WHOLE_CUT] = min(air[WHOLE_LIGHTEST], _before(rings.wholes, head, alike, scratch))
+    air[LEVEL] = rings.levels[newest]
+    air[LIMIT] = max(air[CUT] - FALL, rings.powers[newest] + NEAR)
+    air[WHOLE_LIMIT] = math.inf if fell_without else rings.wholes[newest] + NEAR
+    air[ALONE] = not fell_between
+
+
+@njit(**OPTIONS)
+def _enters(rings, signs, whole_before, head, air, scratch):
     """Whether the tool has just come, though it was taken to be in the cut: what was heard, so loud, was the room."""
     levels, powers, crests = rings.levels, rings.powers, rings.crests
     columns = levels.shape[0]
@@ -215,7 +225,7 @@ def _enters(rings, signs, power_before, head, air, scratch):
     pump = louder_beside >= FALL
     rose = louder and rise >= max(NEAR, LONE * crests[newest])
     if air[CUT] > -math.inf:
-        if power_before > air[CUT] - FALL:
+        if whole_before > air[WHOLE_CUT] - FALL:
             return False
         if rose:
             return True

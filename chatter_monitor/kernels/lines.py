@@ -79,7 +79,7 @@ class LineState(NamedTuple):
         that repeats.
     cutting : ndarray of bool, shape (frames,)
         Whether the tool was in the cut in each frame.
-    air : ndarray of float64, shape (11,)
+    air : ndarray of float64, shape (13,)
         What is known of the air (`kernels.engagement`).
     counts : ndarray of int64, shape (6,)
     sums : ndarray of float64, shape (bins + 1,)

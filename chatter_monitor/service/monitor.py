@@ -217,6 +217,9 @@ class Monitor:
             self._told = self._news = spindle
 
     def _set_spindle(self, spindle: SpindleSettings) -> None:
+        if not spindle.turns_as(self._spindle):
+            for judge in self._judges:
+                judge.begin_job()
         self._spindle = spindle
         self._events.set_spindle(spindle)
         for back_end in self._back_ends:

@@ -6,6 +6,9 @@ from typing import Annotated
 
 import msgspec
 
+# What a control tells of a speed that stays the same differs by less, from one moment to the next.
+STEADY = 0.01
+
 
 class SpindleSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What turns: the table ``[spindle]`` of a machine configuration.
@@ -29,3 +32,9 @@ class SpindleSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.min_rpm is not None and self.max_rpm is not None and self.min_rpm > self.max_rpm:
             msg = f"min_rpm must not be above max_rpm, got {self.min_rpm} and {self.max_rpm}"
             raise ValueError(msg)
+
+    def turns_as(self, other: SpindleSettings) -> bool:
+        """Whether as many teeth are told to turn as fast, or nobody knows how fast of either."""
+        if self.speed_rpm is None or other.speed_rpm is None:
+            return self.speed_rpm is other.speed_rpm and self.teeth == other.teeth
+        return abs(self.speed_rpm / other.speed_rpm - 1.0) < STEADY and self.teeth == other.teeth

@@ -16,6 +16,7 @@ forces the cut.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from statistics import fmean, median
 
 import numpy as np
@@ -55,13 +56,19 @@ class Earlier:
         self._passes: Comparison | None = None  # with the passes before
         self._here: Comparison | None = None  # with the same pass
 
+    def begin_job(self) -> None:
+        """Forget all but the air: what follows is another cut, however alike a few of its lines may be."""
+        self._remembered = []
+        self._passes = None
+        self._forget_pass()
+
     def rest(self, spectrum: Power | None) -> None:
         """Nothing is cut: hear the air, if there is a spectrum (`tracking.long_spectrum`)."""
         if self._cutting:
             self._end()
         self._since += 1
         if spectrum is not None and self._since >= self._whole:
-            self._air = spectrum if self._air is None else np.maximum(self._air, spectrum)
+            self._hear_air([spectrum])
 
     def cut(
         self, spectrum: Power | None, power: float, rotation_hz: float | None, *, calm: bool, entering: bool = False
@@ -79,13 +86,14 @@ class Earlier:
         calm : bool
             Whether there was no alarm just now.
         entering : bool
-            Whether the tool enters just now: what was heard until it did was none of this cut.
+            Whether the tool enters just now: what was heard until it did was none of this cut, but the air.
         """
         if not self._cutting:
             if self._remembered and self._air is not None:
                 self._passes = Comparison(SameCut(self._remembered, self._air))
             self._cutting, self._since = True, 0
         elif entering and not self._entering:
+            self._hear_air(self._calm)
             self._forget_pass()
         self._entering = entering
         self._since += 1
@@ -99,6 +107,10 @@ class Earlier:
             if calm:
                 self._learn(spectrum, rotation_hz)
         self._powers.append(power)
+
+    def _hear_air(self, spectra: Iterable[Power]) -> None:
+        for spectrum in spectra:
+            self._air = spectrum if self._air is None else np.maximum(self._air, spectrum)
 
     @property
     def same(self) -> bool:

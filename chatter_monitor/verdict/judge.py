@@ -81,6 +81,10 @@ class Judge:
         """Judge by other thresholds, from the next interval on; what is remembered stays."""
         self._settings = settings
 
+    def begin_job(self) -> None:
+        """Another speed or another cutter is told: it is another cut than before."""
+        self._earlier.begin_job()
+
     def verdict(self, evidence: Evidence, first_sample: int, samples: int, sample_rate_hz: float) -> Verdict:
         """Judge the next interval."""
         settings = self._settings

@@ -34,7 +34,7 @@ def told(
     in the frames ``pump`` it did, but for the lines that were there, in the frames ``hums`` nothing stands out but such
     lines, in the frames ``familiar`` a hump has grown, in the frames ``several`` several lines have come, in the frames
     ``quiet`` nothing had sounded before but noise and a steady tone.
-    So much of the power repeats, and so loud is the whole with what turns.
+    So much of the power repeats, and so loud is the whole where something turns.
     """
     rng = np.random.default_rng(seed)
     repeats = np.zeros(columns)
@@ -47,7 +47,8 @@ def told(
             levels[column] = DECIBEL * (level + 0.3 * rng.standard_normal())
             powers[column] = DECIBEL * (power + 0.3 * rng.standard_normal())
             crests[column] = DECIBEL * crest
-            wholes[column] = DECIBEL * (with_comb[len(result)] if len(result) < len(with_comb) else 0.0)
+            comb = len(result) < len(with_comb)
+            wholes[column] = DECIBEL * with_comb[len(result)] if comb else powers[column]
             repeats[column] = repeating(len(result)) if callable(repeating) else repeating
             head = len(result) + 1
             now = len(result)
@@ -207,6 +208,34 @@ def test_a_cut_of_which_only_lines_are_heard_ends_when_nothing_but_noise_is_left
     assert all(told(lone, room(60), lone))  # lines that go on are those of a cut
 
 
+@pytest.mark.parametrize(("left", "leaves"), [(NOISE, True), (STANDS_OUT, False)])
+def test_so_does_one_of_which_nothing_is_louder_than_the_room_but_its_comb(left, leaves):
+    """Without its comb a cut may be as quiet as the room after it; while it is taken out the next one is none."""
+    residual = AIR + 6.0
+    comb = 60, AIR, residual, np.inf
+    loud, air = [CUT + LOUD] * 60, [residual - 3.0] * 60
+    heard = told(
+        *(comb, room(60, crest=left), comb),
+        with_comb=[*loud, *air, *loud],
+        repeating=lambda frame: 0.1 if 60 <= frame < 120 else 0.9,
+    )
+    assert all(heard[:60])
+    assert any(heard[62:120]) is not leaves
+    assert any(heard[120:123]) is not leaves  # it enters
+    assert all(heard[126:])
+
+
+def test_what_is_far_fainter_than_a_cut_with_its_comb_is_a_room():
+    """However quiet the cut was without: what comes at once out of a louder room is the tool."""
+    comb, loud = (60, AIR + 10.0, AIR + 12.0, np.inf), [CUT + LOUD] * 60
+    louder_room, tool = room(60, AIR + 6.0, crest=NOISE), (20, CUT, CUT + LOUD, STANDS_OUT)
+    heard = told(comb, room(60), louder_room, tool, with_comb=loud, columns=240)
+    assert not any(heard[62:120])
+    assert all(heard[130:180])
+    assert not any(heard[181:184])  # it enters
+    assert all(heard[190:])
+
+
 def test_a_blow_is_no_cut():
     """After a blow in the air it is the air again at once."""
     after = told(cut(60), room(60), cut(2), room(60))[120:]
@@ -249,7 +278,7 @@ def test_a_cut_that_gets_lighter_at_once_is_no_air():
     """A fall while most of what is heard goes on, fainter, is none; the next one, to the room, is."""
     lighter = [cut(60), cut(60, CUT - 9.0), room(60)]
     assert not all(told(*lighter)[:120])
-    heard = told(*lighter, fainter=range(60, 64))
+    heard = told(*lighter, fainter=range(60, 64), repeating=0.8)
     assert all(heard[:120])
     assert not any(heard[122:])
 

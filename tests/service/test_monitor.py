@@ -10,9 +10,11 @@ import pytest
 
 from chatter_monitor.acquisition.source import Condition, Source
 from chatter_monitor.config import Settings
+from chatter_monitor.outlets.control import SetSpindle
 from chatter_monitor.outlets.outlet import Outlet
 from chatter_monitor.records import Block, Flag, Health, Verdict
 from chatter_monitor.service.monitor import Monitor
+from chatter_monitor.verdict.judge import Judge
 from tests.signals import RATE_HZ, vibration
 
 SIGNAL = np.stack([vibration(25_600, [(400, 0.03)], seed) for seed in (1, 2)], axis=1)
@@ -137,6 +139,20 @@ def test_settings_reach_the_judges():
     list(Monitor(eager, source, [kept], **about).run())
     found = verdicts([msgspec.to_builtins(message) for message in kept.messages], 0)
     assert sum(v["state"] == "self_excited" for v in found) > 20
+
+
+def test_another_job_is_told_to_the_judges(monkeypatch):
+    """As a speed or a cutter that is not the one from before; a control may repeat it, not quite to the last digit."""
+    began = []
+    monkeypatch.setattr(Judge, "begin_job", lambda judge: began.append(judge))
+    speeds = [(1700.0, 4), (1701.0, 4), (1700.0, 3), (1900.0, 3), (None, 3)]
+    waiting = [[SetSpindle(rpm=rpm, teeth=teeth)] for rpm, teeth in speeds]
+    source = Lossy(4096)
+    about = {"counts": source, "source_rate_hz": RATE_HZ, "session": "x", "clock": time.perf_counter}
+    list(Monitor(Settings(), source, [], commands=lambda: waiting.pop(0) if waiting else [], **about).run())
+    assert not waiting
+    assert len(began) == 4 * source.channels
+    assert len(set(began)) == source.channels
 
 
 class Moody(Source):

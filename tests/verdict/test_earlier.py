@@ -157,6 +157,18 @@ def test_a_new_job_is_the_one_to_be_held_against_from_its_first_pass_on(heard):
     assert heard.play(teeth(seconds=PASS_S) + chatter()) == []
 
 
+def test_another_job_has_nothing_to_be_held_against(heard):
+    """Where it is told that another one begins, in the air or before; its own first pass is known then."""
+    heard.earlier.begin_job()
+    assert heard.play(teeth(seconds=PASS_S) + chatter(), calm_s=0.0) == []
+    assert not heard.earlier.same
+    assert heard.play(teeth(seconds=PASS_S)) == []
+    assert heard.play(teeth(seconds=PASS_S) + chatter()) != []
+    heard.earlier.begin_job()
+    assert not heard.earlier.same
+    assert heard.earlier.new is None
+
+
 def test_an_alarm_ends_with_what_was_new(heard):
     """Within the time of two spectra or three."""
     over = np.concatenate([chatter()[: chatter().size // 2], np.zeros(chatter().size - chatter().size // 2)])
@@ -212,3 +224,12 @@ def test_what_came_before_a_tool_entered_is_none_of_the_cut():
     cut = pump + silent * (teeth(seconds=LONG_S) + 2.0 * tone(CHATTER_HZ, LONG_S))
     assert Heard().play(cut, air_s=0.4, rotation_hz=61.0 / 4) != []
     assert Heard().play(cut, air_s=0.4, rotation_hz=61.0 / 4, enters_s=[KNOWN_S]) == []
+
+
+def test_what_was_heard_until_a_tool_entered_is_the_air():
+    """A pump that is switched on in the air makes a cut of it for the judge, and tells no level of the cut after it."""
+    seconds = 2 * KNOWN_S + PASS_S
+    pump, cutting = teeth(61.0, seconds), np.arange(teeth(seconds=seconds).size) >= KNOWN_S * RATE_HZ
+    cut = pump + cutting * noise(7, seconds) + turning(2 * KNOWN_S)
+    assert Heard().play(cut) != []
+    assert Heard().play(cut, enters_s=[KNOWN_S]) == []
