@@ -87,7 +87,7 @@ class SameCut:
         if self._lines.size < FEWEST_LINES:
             return None
         stand_out = np.log(spectrum[self._places] / _level(spectrum, self._places))
-        by = np.clip(stand_out, LEAST, MOST).sum(axis=1)
+        by = np.where(_is_peak(spectrum, self._places), np.clip(stand_out, LEAST, MOST), LEAST).sum(axis=1)
         speed = int(by.argmax())
         if by[speed] < NO_CHANCE * math.sqrt(self._lines.size):
             return None
@@ -137,6 +137,12 @@ def _on_orders(lines: Indices, rotation_hz: float | None, speeds: NDArray[np.flo
     anywhere = min(2.0 * BIN_HZ / rotation_hz, 1.0)
     by_chance = bdtrc(on_orders.size - 1, lines.size, anywhere)  # as many, or more
     return on_orders if by_chance <= BY_CHANCE else lines[:0]
+
+
+def _is_peak(spectrum: Power, bins: Indices) -> NDArray[np.bool_]:
+    """Whether there is a line, and not the skirt of a stronger one beside it."""
+    below, above = np.maximum(bins - 1, 0), np.minimum(bins + 1, spectrum.size - 1)
+    return spectrum[bins] >= np.maximum(spectrum[below], spectrum[above])
 
 
 def _level(spectrum: Power, bins: Indices) -> Power:

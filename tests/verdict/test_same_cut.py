@@ -83,6 +83,16 @@ def test_what_is_not_there_or_in_other_relations_is_not_the_same(before, signal)
     assert set(gains(before, signal)) == {None}
 
 
+def test_what_is_loud_around_a_line_is_not_the_line():
+    """Low lines of a slow spindle are near each other: the skirts of a strong one of another cut are all of them."""
+    slow = sum(tone(11.3 * order) for order in (1, 2, 4, 5))
+    before = SameCut(spectra(slow + 0.03 * noise(2)), AIR)
+    assert None not in gains(before, 2.0 * slow + 0.06 * noise(3))
+    hertz = BIN_HZ * np.arange(AIR.size)
+    skirts = 1e4 * np.exp(-(((hertz - 35.0) / 20.0) ** 2)) + 1.0
+    assert before.gain(skirts) is None
+
+
 @pytest.mark.parametrize(
     ("signal", "gone"),
     [
