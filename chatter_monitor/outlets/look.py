@@ -66,9 +66,9 @@ def percent(probability: float) -> str:
     return "> 99 %" if 0.995 <= probability < 1.0 else f"{100.0 * probability:.0f} %"
 
 
-def hertz(frequency_hz: float | None, otherwise: str = "-") -> str:
-    """Tell a frequency, or what is said where there is none."""
-    return otherwise if frequency_hz is None else f"{frequency_hz:.0f} Hz"
+def hertz(frequency_hz: float | None) -> str:
+    """Tell a frequency, or that there is none."""
+    return "-" if frequency_hz is None else f"{frequency_hz:.0f} Hz"
 
 
 def damping(damping_ratio: float | None, otherwise: str = "-") -> str:
