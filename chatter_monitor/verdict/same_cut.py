@@ -24,6 +24,8 @@ STRETCH, MEAN_OVER_MEDIAN = 64, 1.0 / math.log(2.0)
 # A line stands out by so much (power), and comes and goes by less: half of the changes of its logarithm between two
 # spectra that share no sample are below this (ln 3 of noise). In the air it has less than one in so many of its power.
 STANDS_OUT, COMES_AND_GOES, IN_AIR = 5.0, 0.6, 10.0
+# So many bins beside a line there is less than in it.
+WIDE = 2
 # So many that stand out most are asked, and so many have to be there. As many as are on orders of the spindle are on
 # any orders with such a probability at most.
 MOST_LINES, FEWEST_LINES, BY_CHANCE = 12, 2, 0.02
@@ -141,8 +143,8 @@ def _on_orders(lines: Indices, rotation_hz: float | None, speeds: NDArray[np.flo
 
 def _is_peak(spectrum: Power, bins: Indices) -> NDArray[np.bool_]:
     """Whether there is a line, and not the skirt of a stronger one beside it."""
-    below, above = np.maximum(bins - 1, 0), np.minimum(bins + 1, spectrum.size - 1)
-    return spectrum[bins] >= np.maximum(spectrum[below], spectrum[above])
+    below, above = np.maximum(bins - WIDE, 0), np.minimum(bins + WIDE, spectrum.size - 1)
+    return spectrum[bins] > np.maximum(spectrum[below], spectrum[above])
 
 
 def _level(spectrum: Power, bins: Indices) -> Power:
