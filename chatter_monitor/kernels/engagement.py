@@ -178,9 +178,11 @@ def engaged(rings, signs, head, air, scratch):
             _leave(rings, fell_between, fell_between or only_noise, head, alike, air, scratch)
         elif air[ENTERED] >= LONGEST:
             out = _enters(rings, signs, whole_before, head, air, scratch)
-    elif gone and (noise or _fallen(levels, head, head, scratch)):
-        out, fell_between = True, _fallen(levels, head, head, scratch)
-        _leave(rings, fell_between, fell_between, head, head, air, scratch)
+    elif gone:
+        fell_between = _fallen(levels, head, head, scratch)
+        out = fell_between or noise
+        if out:
+            _leave(rings, fell_between, fell_between, head, head, air, scratch)
     if out:
         air[ENTERED] = air[SINCE] = 0.0
         return False
