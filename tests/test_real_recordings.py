@@ -9,12 +9,14 @@ import pytest
 import soundfile
 import soxr
 
+from benchmarks.verdict.altered import RECORDINGS, Altered, told
 from chatter_monitor.config import load
 from chatter_monitor.tracking.channel import Channel
 from tests.replaying import replay
 from tests.signals import RATE_HZ
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
+CLOTHES = (Altered(times=0.9), Altered(times=1.05), Altered(times=1.25), Altered(snr_db=10.0))
 
 
 def path_of(name):
@@ -116,3 +118,19 @@ def test_turning_chatter_is_found_wherever_the_frames_begin(tmp_path, skipped):
     samples, rate = soundfile.read(path_of("turning_c_770_005_10k.wav"))
     soundfile.write(tmp_path / "later.wav", samples[skipped:], rate)
     assert replay(tmp_path / "later.wav", tmp_path).alarms()
+
+
+@pytest.mark.parametrize("altered", CLOTHES)
+def test_turning_chatter_is_found_in_other_clothes(altered):
+    """Another machine at another speed, as far as one recording can stand for it, and a louder room."""
+    chatters = next(each for each in RECORDINGS if each.name.startswith("turning_c"))
+    samples, rate = soundfile.read(path_of(chatters.name))
+    assert told(chatters, altered, samples, rate).alarm_s > 0.25
+
+
+@pytest.mark.parametrize("altered", CLOTHES)
+@pytest.mark.parametrize("recording", [each for each in RECORDINGS if each.chatter_s is None])
+def test_what_does_not_chatter_does_not_in_other_clothes(recording, altered):
+    """Nor is it an alarm when it is another machine's."""
+    samples, rate = soundfile.read(path_of(recording.name))
+    assert told(recording, altered, samples, rate).false_s == 0.0

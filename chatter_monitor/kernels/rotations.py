@@ -16,16 +16,16 @@ from numba import njit
 
 from chatter_monitor.kernels.correlation import coefficient
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.repeats import LONGEST, Repeats, got_fainter, repeating_share
+from chatter_monitor.kernels.repeats import Repeats, got_fainter, repeating_share
 
 # A rotation repeats the one before: so large a correlation, at a lag that differs by so little from frame to frame.
 REPEATING, SAME_LAG = 0.6, 0.03
-# It has grown when it has been louder in so many frames in a row, and the amplitude more than doubled (natural
+# It has grown when it has been louder in so many frames in a row, and the amplitude 1.6 times what it was (natural
 # logarithm); what has grown is followed until it is half of that.
-IN_A_ROW, GROWN, NO_MORE = 4, 0.8, 0.4
-# What gets louder by so much in a frame has jumped, as when a tool enters: in the longest rotation that is all that is
-# asked for. What regenerates gets louder from rotation to rotation.
-JUMP = GROWN / LONGEST
+IN_A_ROW, GROWN, NO_MORE = 4, 0.5, 0.25
+# What gets louder by so much in a frame has jumped, as when a tool enters. A smaller jump is seen for a rotation, too:
+# what regenerates gets louder in the next ones as well, by so much in all.
+JUMP, BEYOND_A_JUMP = 0.4, 0.25
 # Out of step is a mean cosine of the phase below that of 60 degrees.
 OUT_OF_STEP = 0.5
 # Within a rotation it repeats by so much less, at lags from so many frames on to so near a whole rotation: a mode that
@@ -34,14 +34,14 @@ IN_BETWEEN, NEAREST, NEXT = 0.6, 0.36, 0.9
 # Waves on either side of the largest correlation that its envelope is taken over, and that it is looked for in.
 WAVES = 2.0
 
-# Indices of what is known: the lag in frames, frames in a row, growth of the logarithm of the amplitude and sum of the
-# cosines in them, and whether it has been found to repeat less within a rotation.
-LAG, FRAMES, GROWTH, COSINES, ALONE = range(5)
+# Indices of what is known: the lag in frames, frames in a row, growth of the logarithm of the amplitude, its largest
+# step and sum of the cosines in them, and whether it has been found to repeat less within a rotation.
+LAG, FRAMES, GROWTH, STEP, COSINES, ALONE = range(6)
 
 
 def new_rotations() -> np.ndarray:
     """Nothing has been heard."""
-    return np.zeros(5)
+    return np.zeros(6)
 
 
 @njit(**OPTIONS)
@@ -57,7 +57,7 @@ def growth(rotations: np.ndarray, repeats: Repeats) -> float:
 
     Parameters
     ----------
-    rotations : ndarray of float64, shape (5,)
+    rotations : ndarray of float64, shape (6,)
         Changed in place.
     repeats : Repeats
         What has been heard, this frame included.
@@ -78,6 +78,7 @@ def growth(rotations: np.ndarray, repeats: Repeats) -> float:
     rotations[LAG] = lag
     rotations[FRAMES] += 1.0
     rotations[GROWTH] += step
+    rotations[STEP] = max(rotations[STEP], step)
     if step > JUMP or (rotations[GROWTH] < NO_MORE if had_grown else step <= 0.0):
         rotations[1:] = 0.0
         return 0.0
@@ -86,7 +87,8 @@ def growth(rotations: np.ndarray, repeats: Repeats) -> float:
         return 0.0
     if rotations[COSINES] >= OUT_OF_STEP * rotations[FRAMES]:
         return 0.0
-    if rotations[ALONE] == 0.0 and _between(repeats) <= IN_BETWEEN * repeats.now[0]:
+    beyond = rotations[GROWTH] - lag * rotations[STEP]
+    if rotations[ALONE] == 0.0 and beyond >= BEYOND_A_JUMP and _between(repeats) <= IN_BETWEEN * repeats.now[0]:
         rotations[ALONE] = 1.0
     return rotations[GROWTH] if rotations[ALONE] == 1.0 else 0.0
 

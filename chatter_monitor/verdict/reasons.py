@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from chatter_monitor.kernels.testimony import CARRIER_HZ
+from chatter_monitor.tracking.comb import is_mains
 from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.evidence import ModeEvidence, Vibration
 from chatter_monitor.verdict.same_cut import New
@@ -91,9 +92,14 @@ def grown(growth: float) -> str:
 
 
 def turning(orders: Orders) -> str:
-    """How much of the power turns, and at which orders."""
-    lines = ", ".join(f"{line.order} x" for line in orders.lines[:3])
-    multiples = "" if orders.rotation_hz is None else f" of {orders.rotation_hz:.1f} Hz ({orders.source}): {lines}"
+    """How much of the power turns, and at which orders: of the spindle, or of another comb where that is not heard."""
+    if orders.lines or orders.other_hz is None:
+        hertz, whose, lines = orders.rotation_hz, str(orders.source), orders.lines
+    else:
+        whose = "the mains" if is_mains(orders.other_hz) else "not the spindle that was told"
+        hertz, lines = orders.other_hz, orders.other_lines
+    listed = ", ".join(f"{line.order} x" for line in lines[:3])
+    multiples = "" if hertz is None else f" of {hertz:.1f} Hz ({whose}): {listed}"
     return f"{100 * orders.synchronous_share:.0f} % of the power is in multiples{multiples}"
 
 

@@ -63,10 +63,22 @@ def test_what_does_not_get_louder_has_not_grown(phase, gain):
     assert listen(cut(phase, gain)).max() == 0.0
 
 
+@pytest.mark.parametrize("seed", range(1, 7))
+def test_what_grows_by_a_few_decibels_is_heard(seed):
+    """Five rotations each an eighth louder than the one before: 5 dB."""
+    assert listen(cut(1.7, 9 / 8, seed)).max() >= GROWN
+
+
 @pytest.mark.parametrize("gain", [3.0, 5.0, 10.0, 30.0])
 def test_a_tool_that_enters_has_not_grown(gain):
     """From one rotation to the next it is louder, and then it stays so."""
     assert listen(cut(1.7, gain, louder=1)).max() == 0.0
+
+
+@pytest.mark.parametrize("seed", range(1, 7))
+def test_a_load_that_jumps_has_not_grown(seed):
+    """By 5 dB from one rotation to the next, which is as much as what grows is asked for."""
+    assert listen(cut(1.7, 1.8, seed, louder=1)).max() == 0.0
 
 
 def test_what_has_stopped_growing_before_it_stood_alone_has_not_grown():

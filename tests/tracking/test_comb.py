@@ -163,6 +163,7 @@ def test_noise_has_no_lines():
         (59.98 * np.array([1, 2, 3, 4, 5, 6]), False),  # the mains
         (59.98 * np.array([2, 4, 6, 8, 10, 12]), False),
         (29.99 * np.array([2, 3, 4, 6, 8, 10]), False),
+        (59.8 * np.array([1, 2, 3, 4, 5, 6]), True),  # too far from the mains to be theirs
     ],
 )
 def test_what_speaks_against_a_speed_that_was_told(heard, against):

@@ -313,6 +313,13 @@ def test_mostly_synchronous_is_forced():
     assert seen[-1].reasons == ["90 % of the power is in multiples of 27.6 Hz (found): 36 x, 6 x"]
 
 
+@pytest.mark.parametrize(("hertz", "whose"), [(59.7, "not the spindle that was told"), (60.01, "the mains")])
+def test_what_turns_beside_a_spindle_that_is_not_heard_is_named(hertz, whose):
+    """Its multiples, and not those of a speed that was told and is not heard."""
+    beside = Orders(0, 45.5, 0.7, "given", 0.8, (), hertz, (OrderLine(2, 2.0 * hertz, 0.7),))
+    assert reasons.turning(beside) == f"80 % of the power is in multiples of {hertz:.1f} Hz ({whose}): 2 x"
+
+
 def test_chatter_under_a_strong_comb_is_an_alarm():
     """However much of the power is synchronous, what grows beside it is reported."""
     loud = [evidence(orders=TURNING)] * 40 + [evidence(growing(), orders=TURNING)] * 20
