@@ -44,7 +44,7 @@ RECORDINGS = (
     Recording("turning_s_320_030_10k.wav", None, (0.05, 0.1, 0.2)),
     Recording("turning_s_320_040_10k.wav", None, (0.05, 0.1, 0.2)),
 )
-TIMES = (0.85, 0.9, 0.95, 1.05, 1.1, 1.25)  # as fast
+TIMES = (0.5, 0.7, 0.85, 0.9, 0.95, 1.05, 1.1, 1.25)  # as fast
 SNR_DB = (20.0, 10.0, 5.0)
 
 

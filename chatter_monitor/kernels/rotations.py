@@ -7,16 +7,20 @@ Time-Delay Systems, 2011), nearer to each other than lines can be told, and none
 Forced lines are such a comb, too. But they are at multiples of the rotation: after a rotation all of it is as it was,
 the waves and their envelope. Of chatter the envelope comes back, and the waves below it have moved on. So where the
 envelope of the correlation with what was a rotation before is largest, it is at a crest for a forced comb only.
+
+A rotation of one to two frames, 600 to 1200 rpm, is heard in frames, a slower one of two to four in pairs of frames at
+half of the rate.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.correlation import coefficient
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.repeats import Repeats, got_fainter, repeating_share
+from chatter_monitor.kernels.repeats import Repeats, got_fainter, new_repeats, repeating_share
 
 # A rotation repeats the one before: so large a correlation, at a lag that differs by so little from frame to frame.
 REPEATING, SAME_LAG = 0.6, 0.03
@@ -39,16 +43,62 @@ WAVES = 2.0
 LAG, FRAMES, GROWTH, STEP, COSINES, ALONE = range(6)
 
 
+class Slower(NamedTuple):
+    """What is heard of rotations that take longer.
+
+    Attributes
+    ----------
+    frame : ndarray of float64, shape (n,)
+        Two frames of as many samples, one after the other, at half of their rate.
+    filled : ndarray of int64, shape (1,)
+        How many of its samples are those of the frame before.
+    repeats : Repeats
+        What has been heard, in such frames.
+    rotations : ndarray of float64, shape (6,)
+        What is known of them.
+    growth : ndarray of float64, shape (1,)
+        Of the last of them.
+    """
+
+    frame: np.ndarray
+    filled: np.ndarray
+    repeats: Repeats
+    rotations: np.ndarray
+    growth: np.ndarray
+
+
 def new_rotations() -> np.ndarray:
     """Nothing has been heard."""
     return np.zeros(6)
 
 
+def new_slower(frame: int) -> Slower:
+    """Nothing has been heard in frames of so many samples."""
+    return Slower(np.zeros(frame), np.zeros(1, np.int64), new_repeats(frame), new_rotations(), np.zeros(1))
+
+
 @njit(**OPTIONS)
-def another_frame(frame: np.ndarray, repeats: Repeats, rotations: np.ndarray) -> tuple[float, bool, float]:
+def another_frame(
+    frame: np.ndarray, repeats: Repeats, rotations: np.ndarray, slower: Slower
+) -> tuple[float, bool, float]:
     """Take in a frame; return `repeating_share`, whether it `got_fainter`, and the `growth` of what is out of step."""
     share = repeating_share(frame, repeats)
-    return share, got_fainter(repeats), growth(rotations, repeats)
+    fainter = got_fainter(repeats)
+    return share, fainter, max(growth(rotations, repeats), slower_growth(frame, slower))
+
+
+@njit(**OPTIONS)
+def slower_growth(frame, slower):
+    """Take in a frame, shape (n,); return the `growth` of what comes back after two to four, as of the last pair."""
+    half = slower.frame.shape[0] // 2
+    begin = slower.filled[0]
+    for t in range(half):
+        slower.frame[begin + t] = 0.5 * (frame[2 * t] + frame[2 * t + 1])
+    slower.filled[0] = half - begin
+    if begin == half:
+        repeating_share(slower.frame, slower.repeats)
+        slower.growth[0] = growth(slower.rotations, slower.repeats)
+    return slower.growth[0]
 
 
 @njit(**OPTIONS)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from chatter_monitor.kernels.binding import bound
 from chatter_monitor.kernels.recurrence import new_past, recurring_share
 from chatter_monitor.kernels.repeats import new_repeats
-from chatter_monitor.kernels.rotations import another_frame, new_rotations
+from chatter_monitor.kernels.rotations import another_frame, new_rotations, new_slower
 from chatter_monitor.kernels.taken import share_taken
 from chatter_monitor.tracking.comb import Target, is_locked, is_mains
 from chatter_monitor.tracking.follower import CombFollower
@@ -209,7 +209,7 @@ class OrderTracker:
             for target in (self._target(), anything)
         ]
         self._signals = np.empty((len(self._followers) + 1, size))  # before, between and after the followers
-        self._heard_before = new_repeats(size), new_rotations()
+        self._heard_before = new_repeats(size), new_rotations(), new_slower(size)
         self._listen = bound(another_frame, self._signals[0], *self._heard_before)
         self._repeating = 0.0, False, 0.0  # share, fainter, growth
         self._past = new_past(size)

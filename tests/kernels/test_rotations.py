@@ -7,7 +7,15 @@ import pytest
 from scipy.signal import hilbert
 
 from chatter_monitor.kernels.repeats import new_repeats, repeating_share
-from chatter_monitor.kernels.rotations import GROWN, cosine, growth, new_rotations
+from chatter_monitor.kernels.rotations import (
+    GROWN,
+    another_frame,
+    cosine,
+    growth,
+    new_rotations,
+    new_slower,
+    slower_growth,
+)
 
 RATE, FRAME = 12_800, 640
 ROTATION = 1010  # samples: 760 rpm
@@ -33,10 +41,10 @@ def wave(samples, seed):
     return wave / np.std(wave.real)
 
 
-def cut(phase, gain, seed=1, louder=5, room=0.02):
+def cut(phase, gain, seed=1, louder=5, room=0.02, rotation=ROTATION):
     """Waves around 1150 Hz that come back after a rotation, moved on by a phase; some of them louder and louder."""
     steps = np.concatenate([np.ones(CALM), np.full(louder, gain), np.ones(CALM)])
-    one = wave(ROTATION, seed)
+    one = wave(rotation, seed)
     samples = np.concatenate([(turn * one).real for turn in np.cumprod(steps * np.exp(1j * phase))])
     return samples + room * np.random.default_rng(100 + seed).standard_normal(len(samples))
 
@@ -126,3 +134,31 @@ def test_where_no_envelope_has_a_crest_nothing_is_out_of_step():
     lag = np.arange(321)
     assert cosine(np.exp(-(320 - lag) / 100.0) * np.cos(0.9 * lag)) == 1.0
     assert cosine(np.zeros(321)) == 1.0
+
+
+def listen_slowly(samples):
+    """What is heard of slower rotations, frame by frame."""
+    slower = new_slower(FRAME)
+    frames = samples[: len(samples) // FRAME * FRAME].reshape(-1, FRAME)
+    return np.array([slower_growth(frame, slower) for frame in frames])
+
+
+@pytest.mark.parametrize("rotation", [1400, 1800, 2400])
+def test_slower_rotations_are_heard(rotation):
+    """548, 427 and 320 rpm: what regenerates has grown; what is forced, as loud as before, or jumps, has not."""
+    heard = listen_slowly(cut(1.7, 4 / 3, rotation=rotation))
+    assert heard.max() == pytest.approx(5 * np.log(4 / 3), rel=0.35)
+    assert not heard[: CALM * rotation // FRAME].any()
+    assert listen(cut(1.7, 4 / 3, rotation=rotation)).max() == 0.0
+    for phase, gain, louder in ((0.0, 4 / 3, 5), (1.7, 1.0, 5), (1.7, 1.8, 1), (1.7, 5.0, 1)):
+        assert listen_slowly(cut(phase, gain, louder=louder, rotation=rotation)).max() == 0.0
+
+
+def test_both_are_heard():
+    """Frame by frame the growth is that of whichever rotations there are."""
+    for rotation in (1010, 1800):
+        repeats, rotations, slower = new_repeats(FRAME), new_rotations(), new_slower(FRAME)
+        samples = cut(1.7, 4 / 3, rotation=rotation)
+        frames = samples[: len(samples) // FRAME * FRAME].reshape(-1, FRAME)
+        heard = [another_frame(frame, repeats, rotations, slower)[2] for frame in frames]
+        np.testing.assert_array_equal(heard, np.maximum(listen(samples), listen_slowly(samples)))
