@@ -297,7 +297,7 @@ class NaiveVibration:
         return float(tells - self.told)
 
     def likeness(self, line: np.void, weights: NDArray[np.float64], arrival: float) -> NDArray[np.float64]:
-        if line["growth"] >= (0.4 if self.chattered else 0.8):
+        if line["growth"] >= (0.25 if self.chattered else 0.5):
             return np.array([CONVINCING, CONVINCING, -CONVINCING])
         fallen = [rise for rise in (line["absolute_rise"], line["long_rise"]) if rise < vibrations.DIED_DOWN]
         if self.chattered and fallen and line["absolute_rise"] < 0.0:
