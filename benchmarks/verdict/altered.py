@@ -102,10 +102,19 @@ def told(recording: Recording, altered: Altered, samples: Floats, rate_hz: float
     return Told(*(INTERVAL_S * float(np.sum(each)) for each in parts))
 
 
+def right(heard: list[Told], recording: Recording) -> str:
+    """How many of some ways are told for what they are, and how many more at least by a warning."""
+    if recording.chatter_s is None:
+        return f"{sum(said.false_s == 0.0 for said in heard)} of {len(heard)}"
+    found = sum(said.alarm_s > 0.0 for said in heard)
+    warned = sum(said.alarm_s == 0.0 < said.warning_s for said in heard)
+    return f"{found}{f' + {warned}' if warned else ''} of {len(heard)}"
+
+
 def main() -> None:
     """Play all of them and print how often they are told for what they are."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
-    table = Table(title="alarm while it chatters, or a warning instead; otherwise ways with no alarm")
+    table = Table(title="ways with an alarm while it chatters (+ a warning instead), or with none where nothing does")
     columns = ("as it is", "upside down", "begun later", "faster or slower", "both", "with noise")
     for name in ("recording", *columns, "ways with a false alarm"):
         table.add_column(name, justify="left" if name == "recording" else "right")
@@ -114,15 +123,7 @@ def main() -> None:
             raise SystemExit(f"{recording.name} is not in ../shared/data, and is no part of the project")
         samples, rate_hz = soundfile.read(DATA / recording.name)
         heard = [(kind, told(recording, altered, samples, rate_hz)) for kind, altered in ways(recording)]
-        cells = []
-        for column in columns:
-            each = [said for kind, said in heard if kind == column]
-            if recording.chatter_s is None:
-                cells.append(f"{sum(said.false_s == 0.0 for said in each)} of {len(each)}")
-                continue
-            found = sum(said.alarm_s > 0.0 for said in each)
-            warned = sum(said.alarm_s == 0.0 < said.warning_s for said in each)
-            cells.append(f"{found}{f' + {warned}' if warned else ''} of {len(each)}")
+        cells = [right([said for kind, said in heard if kind == column], recording) for column in columns]
         table.add_row(recording.name, *cells, f"{sum(said.false_s > 0.0 for _, said in heard)} of {len(heard)}")
     Console(width=160).print(table)
 
