@@ -100,3 +100,6 @@ def test_the_library_has_cuts_that_turn_to_chatter_after_some_calm(monkeypatch):
     monkeypatch.setattr(next_passes, "cached_cuts", lambda *_: iter(cuts))
     assert [cut.name for cut in library(2, None, "report", 0)] == ["step", "speed_ramp"]
     assert len(library(9, None, "report", 0)) == 3
+    assert library(9, None, "report", 0, at_once) == []  # no second is left after the one in which it grows
+    cuts[0] = labelled("step", [*late, *[Label.SELF_EXCITED] * GROWN])
+    assert [cut.name for cut in library(9, None, "report", 0, at_once)] == ["step"]

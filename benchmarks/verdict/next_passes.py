@@ -69,16 +69,10 @@ class Run:
         return int(np.sum(alarm & np.isin(self.truth[number], labels)))
 
 
-def library(size: int, cache: Path | None, split: Split, first: int) -> list[Cut]:
-    """Return cuts of a split, from one on, that begin calm and turn to chatter, but for those of the room."""
-    turns = (c for c in cached_cuts(split, 8 * size, cache, first) if c.family not in TONES and _calm(c) >= CALM)
-    return list(islice(turns, size))
-
-
 def _calm(cut: Cut) -> int:
     """Intervals of a cut that turns to chatter before it does; none where it never does."""
     chatters = np.flatnonzero(np.isin(cut.truth.label[SETTLING:], (Label.SELF_EXCITED, Label.UNSCORED)))
-    return int(chatters[0]) if (cut.truth.label == Label.SELF_EXCITED).any() else 0
+    return int(chatters[0]) if (cut.truth.label[SETTLING:] == Label.SELF_EXCITED).any() else 0
 
 
 def again(cut: Cut) -> list[slice]:
@@ -90,8 +84,20 @@ def again(cut: Cut) -> list[slice]:
 def at_once(cut: Cut) -> list[slice]:
     """Its calm part, twice, and what has chattered for a while."""
     calm = _calm_part(cut)
-    chatters = int(np.flatnonzero(cut.truth.label == Label.SELF_EXCITED)[0])
+    chatters = SETTLING + int(np.flatnonzero(cut.truth.label[SETTLING:] == Label.SELF_EXCITED)[0])
     return [calm, calm, slice(chatters + GROWN, len(cut.truth))]
+
+
+def library(
+    size: int, cache: Path | None, split: Split, first: int, plan: Callable[[Cut], list[slice]] = again
+) -> list[Cut]:
+    """Return cuts of a split, from one on, that begin calm and turn to chatter, but for those of the room.
+
+    And for those of which a plan leaves less than a second in a pass.
+    """
+    turns = (c for c in cached_cuts(split, 8 * size, cache, first) if c.family not in TONES and _calm(c) >= CALM)
+    lasting = (c for c in turns if all(passed.stop - passed.start >= GROWN for passed in plan(c)))
+    return list(islice(lasting, size))
 
 
 def job(cut: Cut, passes: list[slice], rng: np.random.Generator) -> list[Passage]:
@@ -138,8 +144,9 @@ def main() -> None:
     parser.add_argument("--at-once", action="store_true", help="calm passes, and one that chatters from its beginning")
     choose_library(parser)
     given = parser.parse_args()
-    cuts = library(given.cuts, given.cache, given.split, given.first)
-    every = runs(cuts, given.seed, at_once if given.at_once else again)
+    plan = at_once if given.at_once else again
+    cuts = library(given.cuts, given.cache, given.split, given.first, plan)
+    every = runs(cuts, given.seed, plan)
     heard = list(track(every, "next passes", total=2 * len(cuts), console=Console(stderr=True)))
     table = Table("speed", "pass", "cuts", "never told", "intervals", "recalled", "false alarms")
     for told in (True, False):

@@ -29,7 +29,7 @@ TOLERANCE = 0.006
 FARTHEST = 3.5
 # Frequencies of the modes of two directions over that of their chatter, and how likely it is theirs, whatever is left
 # over of a wave.
-NEARBY, TWO_DIRECTIONS = (0.98, 0.99, 1.0, 1.01, 1.02), 0.5
+FREQUENCY_RATIOS, TWO_DIRECTIONS = (0.98, 0.99, 1.0, 1.01, 1.02), 0.5
 # How often a speed that suits such modes is stable: other modes have their limits, too (development cuts of
 # `benchmarks.verdict` and of its milling).
 SINGLE_HOLDS, COUPLED_HOLDS = 0.7, 0.55
@@ -37,7 +37,7 @@ SINGLE_HOLDS, COUPLED_HOLDS = 0.7, 0.55
 MOST_DEPTH = math.log(5.0)
 
 SINGLE = RATIOS * len(DAMPING_RATIOS) * len(DEPTHS)
-COUPLED = len(NEARBY) * len(DAMPING_RATIOS) * len(DEPTHS) * 2
+COUPLED = len(FREQUENCY_RATIOS) * len(DAMPING_RATIOS) * len(DEPTHS) * 2
 OMEGA, ZETA, KAPPA, WEIGHT = range(4)
 
 
@@ -83,7 +83,7 @@ def weigh_modes(chatter_hz, tau_s, modes):
 def _lay_out_coupled(chatter_hz, modes):
     """Modes of two directions, near the chatter and either way round, without a weight yet."""
     row = 0
-    for ratio in NEARBY:
+    for ratio in FREQUENCY_RATIOS:
         for zeta in DAMPING_RATIOS:
             for depth in DEPTHS:
                 for sign in (1.0, -1.0):
