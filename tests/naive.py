@@ -212,6 +212,7 @@ class NaiveVibration:
     glide: float = 0.0
     glides: list[bool] = field(default_factory=list)
     rise: float = 0.0
+    on_order: float = np.nan  # where it was on one last
 
     @property
     def self_excited(self) -> float:
@@ -238,7 +239,12 @@ class NaiveVibration:
             self.follow_frequency()
             if had_glided and not self.glided:
                 self.kinds, self.chattered = np.array(vibrations.CALMED), False
-            self.odds += vibrations.AVERAGING * (line["order_odds"] - self.odds)
+            odds, known = line["order_odds"], line["order_odds"] != rules.odds.unknown_speed
+            if known and odds < -1.0:
+                self.on_order = self.hertz
+            elif not known and self.odds < -1.0 and abs(np.log(self.hertz / self.on_order)) < 0.01:
+                odds = self.odds
+            self.odds += vibrations.AVERAGING * (odds - self.odds)
             a = vibrations.AVERAGING
             own = (1.0 - a) * self.dominance * self.power + a * line["dominance"] * line["power"]
             self.power = (1.0 - a) * self.power + a * line["power"]

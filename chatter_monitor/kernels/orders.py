@@ -27,6 +27,10 @@ CLEAR = 14.0
 # A harmonic tells the angle of the spindle only while its own phase is known to well within a turn.
 LARGEST_PHASE_SD = 0.5
 
+# Harmonics have jumped together when all have become so much louder, besides, as a part of what they were (amplitude),
+# and that is so much of how they have changed.
+JUMP, ALIKE = 0.7, 0.7
+
 # How fast the filter learns how noisy its measurements are, and how unsteady the speed is, per tile.
 ADAPTATION = 0.03
 LARGEST_SURPRISE = 9.0  # squared innovations count as this many times their variance at most
@@ -276,10 +280,11 @@ def learn(coefficients, state, lowest, memory):
     window = 2.0 / rate - 1.0  # folds that an exponential average amounts to
     # No part of a signal is louder than the signal. When the tool has left, what was taken out would go on being
     # subtracted from the air for a memory, and be heard there.
-    louder = angle[PREDICTED] > angle[HEARD]
-    still_there = math.sqrt(angle[HEARD] / angle[PREDICTED]) if louder else 1.0
+    too_loud = angle[PREDICTED] > angle[HEARD]
+    still_there = math.sqrt(angle[HEARD] / angle[PREDICTED]) if too_loud else 1.0
     turn = 0.0
     weight = 0.0
+    louder = certain = changed = 0.0
     for i in range(lowest - 1, state.real.shape[0]):
         order = i + 1
         part = math.pi * order / points
@@ -293,8 +298,17 @@ def learn(coefficients, state, lowest, memory):
             power = state.real[i] * state.real[i] + state.imag[i] * state.imag[i]
             turn += order * torque / state.variance[i]
             weight += order * order * power / state.variance[i]
+            along = coefficients[order].real * state.real[i] + coefficients[order].imag * state.imag[i]
+            told = power / (power + state.variance[i])  # as far as a fold tells it
+            certain += told
+            louder += told * along / power
+            changed += told * (along * along + torque * torque) / (power * power)
     if weight > 0.0:
         turn /= weight
+    if louder > JUMP * certain and louder * louder > ALIKE * certain * changed:
+        louder /= certain
+        _jump(coefficients, state, louder)
+        turn /= 1.0 + louder
     clear = 0
     for i in range(lowest - 1, state.real.shape[0]):
         order = i + 1
@@ -316,6 +330,20 @@ def learn(coefficients, state, lowest, memory):
     state.fold[:] = 0.0
     counts[FOLDED] = 0
     angle[TURNED] = angle[HEARD] = angle[PREDICTED] = 0.0
+
+
+@njit(**OPTIONS)
+def _jump(coefficients, state, louder):
+    """Make all harmonics louder by a part of what they are: a load does that from one moment to the next.
+
+    To follow it one by one they would need a memory, in which most of what turns is left in the signal. What excites
+    itself makes a few of them louder, and not the others.
+    """
+    for i in range(state.real.shape[0]):
+        coefficients[i + 1] -= louder * complex(state.real[i], state.imag[i])
+        state.real[i] *= 1.0 + louder
+        state.imag[i] *= 1.0 + louder
+        state.variance[i] *= (1.0 + louder) * (1.0 + louder)
 
 
 @njit(**OPTIONS)

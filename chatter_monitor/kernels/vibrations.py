@@ -61,6 +61,8 @@ CALMED = Kinds(noise=1.0 - 6e-4, growing=2e-4, saturated=2e-4, steady=2e-4)
 # Log odds by its place, averaged, of what is off the orders for more than a moment, where these are told apart; and on
 # one, likewise.
 SURELY_OFF, SURELY_ON = 1.0, -1.0
+# What was on an order of what turned is still, while nothing is heard to turn, within so much (natural logarithm).
+STILL_THERE = 0.01
 # Weight of an interval in the averages of odds and power, which are over a few intervals.
 AVERAGING = 0.35
 
@@ -105,6 +107,7 @@ VIBRATION = np.dtype(
         ("over", np.int64),  # intervals since an alarm about it
         ("heard", np.int64),  # intervals in which it was
         ("late", np.bool_),  # whether it was noise yet when it had been heard in `ARRIVED` of them
+        ("on_order", float),  # logarithm of its frequency when it was on an order last, NaN before
         ("place", float),  # logarithm of its frequency, filtered
         ("glide", float),  # by how much that changes in an interval
         ("jitter", float),  # mean square by which the filter misses
@@ -285,6 +288,7 @@ def _begin(vibration, line):
     vibration.heard = vibration.over = 0
     vibration.late = False
     vibration.place = math.log(line.frequency_hz)
+    vibration.on_order = math.nan
     vibration.glide = vibration.jitter = vibration.carried = 0.0
     vibration.gliding = vibration.glided = 0
 
@@ -333,6 +337,7 @@ def _heard(vibration, line, rules, weights):
     if line.carrier:  # no spindle takes that along
         vibration.gliding = vibration.glided = 0
     _glide(vibration, rules.unheard)
+    _stay_on_order(vibration, line, rules.odds)
     vibration.order_odds += AVERAGING * (line.order_odds - vibration.order_odds)
     if vibration.heard == ARRIVED:
         vibration.late = vibration.noise > 0.5
@@ -350,6 +355,17 @@ def _heard(vibration, line, rules, weights):
     # of one with sidebands they have the rest
     enough = line.carrier or vibration.dominance >= SUSPECT_SHARE
     _another_interval(vibration, seen, _news(vibration, line, seen), rules, line.arrival > LOUDER, enough)
+
+
+@njit(**OPTIONS)
+def _stay_on_order(vibration, line, odds):
+    """Leave a line its place where a comb is lost: the order that it was on has not left it by that."""
+    at = math.log(line.frequency_hz)
+    if line.order_odds != odds.unknown_speed:
+        if line.order_odds < SURELY_ON:
+            vibration.on_order = at
+    elif vibration.order_odds < SURELY_ON and abs(at - vibration.on_order) < STILL_THERE:
+        line.order_odds = vibration.order_odds
 
 
 @njit(**OPTIONS)

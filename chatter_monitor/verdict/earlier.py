@@ -49,6 +49,7 @@ class Earlier:
         self._entering = False
         self._air: Power | None = None  # largest powers in the last air
         self._remembered: list[Power] = []
+        self._turned = self._turns = False  # whether the spindle was heard in those passes, and is in this one
         self._calm = deque[Power](maxlen=REMEMBERED)  # of this pass
         self._renewed = 0  # so many of them ago its own comparison was
         self._unsure = deque[Power](maxlen=round(BEFORE_ALARM_S / LENGTH_S * OVERLAP))  # until nothing follows
@@ -59,6 +60,7 @@ class Earlier:
     def begin_job(self) -> None:
         """Forget all but the air: what follows is another cut, however alike a few of its lines may be."""
         self._remembered = []
+        self._turned = False
         self._passes = None
         self._forget_pass()
 
@@ -96,6 +98,7 @@ class Earlier:
             self._hear_air(self._calm)
             self._forget_pass()
         self._entering = entering
+        self._turns |= rotation_hz is not None
         self._since += 1
         if not calm:
             self._unsure.clear()
@@ -116,6 +119,11 @@ class Earlier:
     def same(self) -> bool:
         """Whether this pass is the same cut as those before, for all that is heard just now."""
         return self._passes is not None and self._passes.same
+
+    @property
+    def turns_the_same(self) -> bool:
+        """Whether it is the same cut, and the spindle was heard in the passes before."""
+        return self.same and self._turned
 
     @property
     def new(self) -> New | None:
@@ -139,11 +147,13 @@ class Earlier:
         """Remember a pass, besides those before if it was the same cut, or else instead of them."""
         calm = [*self._calm, *self._unsure]
         if len(calm) >= FEWEST:
-            before = self._remembered if self._passes is not None and self._passes.was_same else []
+            same = self._passes is not None and self._passes.was_same
+            before = self._remembered if same else []
+            self._turned = self._turns or (same and self._turned)
             self._remembered = [*before, *calm][-REMEMBERED:]
         self._forget_pass()
         self._air = None
-        self._cutting = False
+        self._cutting = self._turns = False
         self._passes = None
 
     def _forget_pass(self) -> None:

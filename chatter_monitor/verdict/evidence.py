@@ -151,7 +151,7 @@ class Evidence(NamedTuple):
     cycle : Cycle or None
         What the loudest band keeps of amplitude and phase.
     same_cut : bool
-        What forces the cut is the same as in the passes before (`verdict.earlier`).
+        What forces the cut is the same as in the passes before, in which the spindle was heard (`verdict.earlier`).
     held : bool
         No sample of the interval could be adapted to: nothing moves.
     starting : bool

@@ -115,7 +115,7 @@ class Judge:
                 view = view._replace(reasons=(reasons.CAME_WITH_TOOL, *view.reasons))
         else:
             self._earlier.cut(evidence.orders.spectrum, power, _heard_hz(evidence.orders), calm=memory.calm)
-            memory = self._follow(memory, evidence._replace(same_cut=self._earlier.same))
+            memory = self._follow(memory, evidence._replace(same_cut=self._earlier.turns_the_same))
             view = opinion(evidence, memory, settings)
             alarm = {"by_line": view.state == "self_excited", "goes_on": memory.since_alarm == 0.0}
             self._origin.hear(evidence.grown_hz, memory.told, is_cut=self._loudness.is_cut, **alarm)

@@ -37,7 +37,7 @@ class NaiveHarmonics:
         self.drift, self.noise, self.innovation = math.sqrt(DRIFT[0] * DRIFT[1]), 1.0, 0.0
         self.offset = self.turned = 0.0
         self.correlation = np.zeros(self.count, dtype=complex)
-        self.folded = self.learned = 0
+        self.folded = self.learned = self.jumps = 0
 
     def waves(self) -> NDArray[np.complex128]:
         """exp(j h angle) over the tile, shape (samples, orders)."""
@@ -86,6 +86,14 @@ class NaiveHarmonics:
         if clear.any():
             h, a, v = self.h[clear], self.amplitude[clear], self.variance[clear]
             turn = np.sum(h * (step[clear] * a.conj()).imag / v) / np.sum(h**2 * abs(a) ** 2 / v)
+            ratio, told = step[clear] / a, abs(a) ** 2 / (abs(a) ** 2 + v)
+            louder = np.average(ratio.real, weights=told)
+            if louder > orders.JUMP and louder**2 > orders.ALIKE * np.average(abs(ratio) ** 2, weights=told):
+                step = step - louder * self.amplitude
+                self.amplitude = (1 + louder) * self.amplitude
+                self.variance = (1 + louder) ** 2 * self.variance
+                turn /= 1 + louder
+                self.jumps += 1
             step = step - 1j * self.h * turn * self.amplitude
         self.variance += rate * (abs(step) ** 2 - self.variance)
         self.amplitude = self.amplitude + rate * step
@@ -98,18 +106,21 @@ class NaiveHarmonics:
         self.correlation[:] = self.turned = self.folded = 0
 
 
-def wandering_comb(seconds: float, seed: int = 1) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Five harmonics of a speed that swings by 0.3 %, in noise and on an offset; with the angle."""
+def wandering_comb(
+    seconds: float, seed: int = 1, louder_from_s: float = math.inf
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Five harmonics of a speed that swings by 0.3 %, in noise and on an offset, at last threefold; with the angle."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
     angle = np.cumsum(TWO_PI * 43.0 * (1 + 0.003 * np.sin(TWO_PI * 0.5 * t)) / RATE_HZ)
     signal = sum(a * np.cos(h * angle + h) for h, a in ((1, 0.5), (2, 1.0), (5, 0.7), (6, 0.3), (11, 0.2)))
+    signal *= np.where(t < louder_from_s, 1.0, 3.0)
     return 0.3 + signal + 0.3 * rng.standard_normal(len(t)), angle
 
 
 def test_it_is_its_naive_twin():
     """Residual, speed, amplitudes and gates are those of the twin, to the error of the table's interpolation."""
-    samples, _ = wandering_comb(3.0)
+    samples, _ = wandering_comb(3.0, louder_from_s=2.2)
     samples[20_000:20_100] = np.nan
     count, speed = 20, TWO_PI * 43.02 / RATE_HZ
     state = orders.new_state(count, speed, 2e-3 * speed, DRIFT)
@@ -127,6 +138,7 @@ def test_it_is_its_naive_twin():
         assert state.angle[orders.SPEED] == pytest.approx(twin.state[1], rel=1e-4)
     np.testing.assert_allclose(state.real + 1j * state.imag, twin.amplitude, atol=0.01)
     assert set(np.flatnonzero(state.gate == 1)) == set(np.flatnonzero(twin.gate == 1)) == {0, 1, 4, 5, 10}
+    assert twin.jumps == 1  # which has been tried
     assert np.std(out) < 0.33  # the noise
 
 

@@ -286,6 +286,24 @@ def test_growth_on_an_order_passes():
     assert residual[there] @ line[there] > 0.7 * line[there] @ line[there]
 
 
+@pytest.mark.parametrize("spindle", [UNKNOWN, GIVEN])
+def test_a_load_makes_all_of_a_comb_louder_and_that_is_followed_at_once(spindle):
+    """Within two frames of becoming six times as loud a tenth of its power is left."""
+    signal = comb(6, TURNS_HZ, MILLING) * np.where(np.arange(at(6)) < at(4), 1.0, 6.0)
+    residual, frames = take_out(signal + noise(6), spindle)
+    assert power(residual, 4.1) < 0.1 * power(signal, 4.1)
+    assert {frame.source for frame in frames[80:]} == {frames[79].source} != {None}
+
+
+@pytest.mark.parametrize("order", [4, 8])
+def test_what_jumps_on_one_order_of_many_is_no_load(order):
+    """Six times as loud on an order that is in the comb, at once: most of it stays in the signal, for a while."""
+    line = np.where(np.arange(at(6)) < at(4), 0.0, comb(6, TURNS_HZ, {order: 5.0 * MILLING[order]}))
+    residual, _ = take_out(comb(6, TURNS_HZ, MILLING) + line + noise(6), GIVEN)
+    there = slice(at(4), at(4.2))
+    assert residual[there] @ line[there] > 0.7 * line[there] @ line[there]
+
+
 @pytest.mark.parametrize("spindle", [UNKNOWN, SpindleSettings(60 * 60.5, 3)])
 def test_chatter_with_sidebands_stays(spindle):
     """A self-excited vibration at 19.4 orders with sidebands at the tooth passing frequency is no comb, and stays."""

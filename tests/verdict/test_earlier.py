@@ -72,6 +72,26 @@ def heard():
     return played
 
 
+@pytest.mark.parametrize(
+    ("first_hz", "second_hz", "turns"), [(None, None, False), (None, PASSING_HZ, False), (PASSING_HZ, None, True)]
+)
+def test_it_turns_the_same_where_the_spindle_was_heard_in_a_pass_before(first_hz, second_hz, turns):
+    """A speed that was told and never heard is nobody's for being the same cut; a new job is to be heard anew."""
+    played = Heard()
+    for rotation_hz in (first_hz, second_hz):
+        assert not played.earlier.turns_the_same
+        played.play(teeth(seconds=PASS_S), rotation_hz=rotation_hz)
+    assert played.earlier.same
+    assert played.earlier.turns_the_same is turns
+    played.play(teeth(seconds=PASS_S))
+    assert played.earlier.turns_the_same is (turns or second_hz is not None)
+    played.earlier.begin_job()
+    played.play(teeth(seconds=PASS_S))
+    played.play(teeth(seconds=PASS_S))
+    assert played.earlier.same
+    assert not played.earlier.turns_the_same
+
+
 def test_chatter_from_the_first_contact_on_is_an_alarm_and_the_next_calm_pass_none(heard):
     """Most of it is new, at its frequency; what chattered is not remembered as calm."""
     for enters_s in ([], [0.0]):

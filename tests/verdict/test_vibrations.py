@@ -407,6 +407,22 @@ def test_what_was_noise_for_a_second_has_not_come_with_the_tool(noise, carrier, 
     assert bool(known["saturated"][0] > 0.5) is arrives
 
 
+@pytest.mark.parametrize(("away", "alarm"), [(0.0, False), (0.004, False), (0.03, True)])
+def test_a_line_that_was_on_an_order_is_still_when_the_comb_is_lost(away, alarm):
+    """While it is where it was: what grows beside an order may have made the comb be lost."""
+    calm, grows = (lines_of(interval(475.0, rising=rising), Odds()) for rising in (False, True))
+    on_order, unknown = -3.0, Odds().unknown_speed
+    known = np.zeros(0, VIBRATION)
+    for lines, odds, at, intervals in ((calm, on_order, 1.0, 10), (grows, unknown, 1.0 + away, 15)):
+        for _ in range(intervals):
+            seen = lines.copy()
+            seen["order_odds"], seen["dominance"] = odds, 0.95
+            seen["frequency_hz"] *= at
+            known = followed(known, seen)
+    assert bool(known["growing"][0] > 0.5)
+    assert bool(known["alarm_for"].any()) is alarm
+
+
 def jumped(rises, **about):
     """Of what has risen by so much in each interval: what is followed after the last one."""
     following = Following()
