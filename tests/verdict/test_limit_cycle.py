@@ -15,8 +15,8 @@ INTERVAL_S = 0.05
 NOW, LEVEL = round(NOW_S / INTERVAL_S), round(LEVEL_S / INTERVAL_S)
 TELLING = Cycle(800.0, 0.8, 0.25, 0.6)
 LOUD = 1.5 * LOUDER
-# Intervals until the mean over `NOW` is loud enough, and from then on until it is certain.
-LATER = NOW + math.ceil(ENOUGH / (BETWEEN - TELLING.dispersion))
+# Intervals until it is certain, and in which it gets louder by a load that grows.
+LATER, GROWS = math.ceil(ENOUGH / (BETWEEN - TELLING.dispersion)), 60
 
 
 def hear(followed, intervals, cycle=TELLING, louder=LOUD, rest=1.0, repeating=0.3):
@@ -32,15 +32,24 @@ def calm(intervals=LEVEL + NOW):
     return followed
 
 
+def louder(by=LOUD, followed=None, begins=0.0):
+    """One that has got louder by and by since it was calm, of noise, and is as loud now."""
+    followed = followed or calm()
+    for step in range(GROWS):
+        assert not any(hear(followed, 1, cycle=None, louder=begins + (by - begins) * step / GROWS))
+    assert not any(hear(followed, NOW, cycle=None, louder=by))
+    return followed
+
+
 def test_what_tells_is_summed_until_it_is_certain():
     """It tells how many times the lowest power there is now; of what is nearer to noise it takes longer."""
-    told = hear(calm(), 2 * LATER)
-    assert not any(told[: LATER - NOW])
+    told = hear(louder(), 2 * LATER)
+    assert not any(told[: LATER - 1])
     assert all(told[LATER:])
     assert told[-1] == pytest.approx(math.exp(2.0 * LOUD))
     doubtful = TELLING._replace(dispersion=BETWEEN - 0.1)
-    assert not any(hear(calm(), round(ENOUGH / 0.1) - 1, doubtful))
-    assert hear(calm(), NOW + math.ceil(ENOUGH / 0.1), doubtful)[-1] > 0.0
+    assert not any(hear(louder(), round(ENOUGH / 0.1) - 1, doubtful))
+    assert hear(louder(), math.ceil(ENOUGH / 0.1) + 1, doubtful)[-1] > 0.0
 
 
 @pytest.mark.parametrize(
@@ -61,37 +70,47 @@ def test_what_tells_is_summed_until_it_is_certain():
 )
 def test_noise_a_force_a_small_line_and_a_cut_that_is_no_louder_are_none(about, alarm):
     """Each thing that is asked for, had or missed by a little, the others being had."""
-    assert bool(hear(calm(), 3 * LATER, **about)[-1]) is alarm
+    assert bool(hear(louder(about.get("louder", LOUD)), 3 * LATER, **about)[-1]) is alarm
 
 
 def test_an_alarm_goes_on_until_as_much_speaks_against_it():
     """What is not a cycle any more is as good as noise."""
-    followed = calm()
+    followed = louder()
     assert hear(followed, 2 * LATER)[-1] > 0.0
     against = math.ceil(ENOUGH / (NOISE - BETWEEN))
     assert all(hear(followed, against - 1, cycle=None))
     assert not any(hear(followed, against, cycle=None)[1:])
-    assert not any(hear(followed, LATER - NOW - 1))
+    assert not any(hear(followed, LATER - 1))
     assert hear(followed, LATER)[-1] > 0.0
 
 
 @pytest.mark.parametrize(("repeating", "goes_on"), [(0.98 * MOST_REPEATING, True), (1.02 * MOST_REPEATING, False)])
 def test_an_alarm_goes_on_where_more_repeats(repeating, goes_on):
     """About the border it would come and go."""
-    followed = calm()
+    followed = louder()
     assert hear(followed, 2 * LATER)[-1] > 0.0
-    assert bool(hear(followed, LATER, repeating=repeating)[-1]) is goes_on
+    assert bool(hear(followed, 2 * LATER, repeating=repeating)[-1]) is goes_on
 
 
 def test_a_cut_that_is_loud_from_the_start_has_no_lower_level():
     """Who does not know how loud the cut was does not say that it got louder."""
     assert not any(hear(LimitCycle(INTERVAL_S), 10 * LEVEL))
-    assert not any(hear(calm(intervals=LEVEL // 2), 3 * LATER))
+    assert not any(hear(louder(followed=calm(intervals=1)), 1))
+    assert not any(hear(calm(intervals=LEVEL // 2), 10 * LATER))
+
+
+def test_a_load_that_jumps_is_another_level():
+    """How loud it was before says nothing then; what gets louder from there on does. An alarm goes on through it."""
+    followed = calm()
+    assert not any(hear(followed, 10 * LEVEL))
+    louder(2.0 * LOUD, followed, begins=LOUD)
+    assert hear(followed, LATER + 1, louder=2.0 * LOUD)[-1] == pytest.approx(math.exp(2.0 * LOUD))
+    assert all(hear(followed, 10 * LEVEL, louder=3.0 * LOUD))
 
 
 def test_another_cut_begins_anew():
     """Its level is not that of the one before, nor is the alarm."""
-    followed = calm()
+    followed = louder()
     assert hear(followed, 2 * LATER)[-1] > 0.0
     followed.rest()
     assert not any(hear(followed, 10 * LEVEL))
