@@ -204,6 +204,8 @@ class NaiveVibration:
     chattered: bool = False
     missed: int = 0
     over: int = 0
+    own: int = 0  # since an alarm that no memory of another helped to begin
+    recalled: bool = False
     unexplained: float = 0.0
     heard: int = 0
     late: bool = False
@@ -275,8 +277,9 @@ class NaiveVibration:
         rest = line is not None and line["carrier"]
         alarm = alarm and (self.chattered or rest or self.dominance >= 0.2)
         self.alarm_for = before + 1 if alarm else 0
-        self.over = 0 if alarm else self.over + 1
-        self.chattered = alarm or (self.chattered and self.over < vibrations.FORGOTTEN_CHATTER)
+        self.recalled = self.recalled if before else self.chattered
+        self.over, self.own = (0 if alarm else self.over + 1), (0 if alarm and not self.recalled else self.own + 1)
+        self.chattered = alarm or (self.chattered and self.own < vibrations.FORGOTTEN_CHATTER)
         self.told *= not self.chattered
         if before and not alarm and risen < 0.5:
             self.kinds = np.array(vibrations.CALMED)

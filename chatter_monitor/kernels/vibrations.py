@@ -31,6 +31,7 @@ COMES_BACK, COMES_BACK_HZ = 0.03, 6.0
 # What an interval says of a vibration that none of its prominent lines belongs to.
 NOT_HEARD = Likeness(-1.0, -1.0, -1.0)
 # Intervals without a line after which it is forgotten; a minute after an alarm about it, because it will chatter again.
+# An alarm that needed that memory does not renew it: else what was wrong once would be so as long as the job goes on.
 FORGOTTEN, FORGOTTEN_CHATTER = 10, 1200
 # Intervals after an alarm in which another vibration needs no more for one than a running alarm does: what chatters may
 # jump to another mode, which takes the power and leaves the first without a line.
@@ -105,6 +106,8 @@ VIBRATION = np.dtype(
         ("level", float),  # by how much it was louder than it had been, when it was heard last (natural logarithm)
         ("missed", np.int64),  # intervals since its line was heard
         ("over", np.int64),  # intervals since an alarm about it
+        ("own", np.int64),  # intervals since one that began without the memory of another
+        ("recalled", np.bool_),  # whether the alarm about it began by that memory
         ("heard", np.int64),  # intervals in which it was
         ("late", np.bool_),  # whether it was noise yet when it had been heard in `ARRIVED` of them
         ("on_order", float),  # logarithm of its frequency when it was on an order last, NaN before
@@ -285,8 +288,8 @@ def _begin(vibration, line):
     vibration.level = line.absolute_rise
     vibration.alarm_for = 0
     vibration.chattered = False
-    vibration.heard = vibration.over = 0
-    vibration.late = False
+    vibration.heard = vibration.over = vibration.own = 0
+    vibration.late = vibration.recalled = False
     vibration.place = math.log(line.frequency_hz)
     vibration.on_order = math.nan
     vibration.glide = vibration.jitter = vibration.carried = 0.0
@@ -475,6 +478,9 @@ def _another_interval(vibration, seen, news, rules, arrived, enough):
     alarmed = vibration.alarm_for > 0
     limit = rules.calm_probability if alarmed else rules.alarm_probability
     if (enough or vibration.chattered) and risen * vibration.unexplained >= limit:
+        if not alarmed:
+            vibration.recalled = vibration.chattered
+        vibration.own = vibration.own + 1 if vibration.recalled else 0
         vibration.alarm_for += 1
         vibration.chattered = True
         vibration.told = 0.0
@@ -482,7 +488,8 @@ def _another_interval(vibration, seen, news, rules, arrived, enough):
     else:
         vibration.alarm_for = 0
         vibration.over += 1
-        vibration.chattered &= vibration.over < FORGOTTEN_CHATTER
+        vibration.own += 1
+        vibration.chattered &= vibration.own < FORGOTTEN_CHATTER
         if alarmed and risen < 0.5:  # what is over does not come back for want of evidence against it
             kinds = CALMED
     _set_kinds(vibration, kinds)

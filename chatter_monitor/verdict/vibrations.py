@@ -59,7 +59,7 @@ class Followed(NamedTuple):
     alarm_for : int
         Intervals since an alarm began that is about it; 0 without one.
     chattered : bool
-        Whether there has been an alarm about it, within the last minute.
+        Whether there has been an alarm about it, within the last minute, that needed no memory of another.
     heard : Vibration or None
         Its line in this interval.
     glided : bool
@@ -203,11 +203,11 @@ class Following:
         """Remember, while nothing is cut, only which vibrations have chattered; or forget those, too."""
         self._end_cut(self._swings)
         known = self._vibrations[: 0 if forget else self._known]
-        known = known[known["chattered"] & (known["over"] < FORGOTTEN_CHATTER)]
+        known = known[known["chattered"] & (known["own"] < FORGOTTEN_CHATTER)]
         for name, probability in zip(Kinds._fields, CALMED, strict=True):
             known[name] = probability
-        known["missed"] += 1
-        known["over"] += 1
+        for since in ("missed", "over", "own"):
+            known[since] += 1
         known["alarm_for"] = 0
         known["line"] = NO_LINE
         self._known = len(known)

@@ -394,7 +394,7 @@ def test_what_keeps_its_amplitude_and_not_its_phase_is_an_alarm_where_the_cut_go
     """No line of it is coherent; it is called by the one that is nearest, and ends with the tool."""
     broad = [Vibration(Line(hertz, 0.3, 18.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.7), None) for hertz in (HZ, 700.0)]
     kept = {"cycle": Cycle(720.0, 0.7, 0.3, 0.6)}
-    calm = [evidence(*broad, **kept)] * 40
+    calm = [evidence(*broad, **kept)] * 40 + [evidence(*broad, rms=rms) for rms in np.geomspace(1.0, 3.0, 30)]
     assert "self_excited" not in states(*calm, *[evidence(*broad, rms=3.0)] * 40)
     verdicts = judged(*calm, *[evidence(*broad, rms=3.0, **kept)] * 40, *[SILENCE] * 5)
     alarms = [verdict for verdict in verdicts if verdict.state == "self_excited"]

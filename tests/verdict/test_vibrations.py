@@ -130,6 +130,24 @@ def test_a_line_that_is_heard_renews_no_memory():
     assert followed(known, noise)["chattered"].tolist() == [False]
 
 
+@pytest.mark.parametrize(("remembered", "renews"), [(True, False), (False, True)])
+def test_an_alarm_that_needed_the_memory_does_not_renew_it(remembered, renews):
+    """It is forgotten a minute after the first one, unless it comes to another by itself."""
+    known, half = np.zeros(1, VIBRATION), FORGOTTEN_CHATTER // 2
+    known["frequency_hz"], known["noise"], known["power"], known["chattered"] = 1000.0, 1.0, 1.0, remembered
+    known["own"] = known["over"] = half if remembered else 0
+    lines = lines_of(interval(1000.0), Odds())
+    lines["dominance"], lines["order_odds"] = 1.0, 3.0
+    alarms = 0
+    for _ in range(40):
+        known = followed(known, lines)
+        alarms += int(known["alarm_for"][0] > 0)
+    assert 10 < alarms <= 40
+    for _ in range(half):
+        known = followed(known, np.empty(0, LINE))
+    assert bool(len(known)) is renews
+
+
 @pytest.mark.parametrize(
     ("hertz", "missed", "away", "same"),
     [
