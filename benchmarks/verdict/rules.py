@@ -94,6 +94,10 @@ RULES = (
     _rule(97, "what comes back no more", ("verdict.irregularity", "LOUDER", NEVER)),
     _rule(98, "what came with the tool, in hindsight", ("verdict.arrival", "AS_LOUD", 1.0)),
     _rule(99, "what has climbed", ("kernels.vibrations", "CLIMBS", 0.0)),
+    _rule(126, "an amplitude and no phase", ("verdict.limit_cycle", "ENOUGH", NEVER)),
+    _rule(127, "new power in the same cut", ("verdict.comparison", "ENOUGH", NEVER)),
+    _rule(131, "a lost comb's lines stay", ("kernels.vibrations", "STILL_THERE", -1.0)),
+    _rule(131, "a load that jumps is no limit cycle", ("verdict.limit_cycle", "JUMPED", NEVER)),
 )  # fmt: skip
 
 
