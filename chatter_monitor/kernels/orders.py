@@ -27,9 +27,9 @@ CLEAR = 14.0
 # A harmonic tells the angle of the spindle only while its own phase is known to well within a turn.
 LARGEST_PHASE_SD = 0.5
 
-# Harmonics have jumped together when all have become so much louder, besides, as a part of what they were (amplitude),
-# and that is so much of how they have changed.
-JUMP, ALIKE = 0.7, 0.7
+# Harmonics have jumped together when they have become so much louder, besides, as a part of what they were (amplitude),
+# that is so much of how they have changed, and there are so many: chatter that has locked to the teeth has a few.
+JUMP, ALIKE, TOGETHER = 0.7, 0.7, 4
 
 # How fast the filter learns how noisy its measurements are, and how unsteady the speed is, per tile.
 ADAPTATION = 0.03
@@ -285,6 +285,7 @@ def learn(coefficients, state, lowest, memory):
     turn = 0.0
     weight = 0.0
     louder = certain = changed = 0.0
+    clear = 0
     for i in range(lowest - 1, state.real.shape[0]):
         order = i + 1
         part = math.pi * order / points
@@ -300,12 +301,14 @@ def learn(coefficients, state, lowest, memory):
             weight += order * order * power / state.variance[i]
             along = coefficients[order].real * state.real[i] + coefficients[order].imag * state.imag[i]
             told = power / (power + state.variance[i])  # as far as a fold tells it
+            clear += 1
             certain += told
             louder += told * along / power
             changed += told * (along * along + torque * torque) / (power * power)
     if weight > 0.0:
         turn /= weight
-    if louder > JUMP * certain and louder * louder > ALIKE * certain * changed:
+    together = clear >= TOGETHER and louder * louder > ALIKE * certain * changed
+    if together and louder > JUMP * certain:
         louder /= certain
         _jump(coefficients, state, louder)
         turn /= 1.0 + louder

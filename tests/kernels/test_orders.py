@@ -88,7 +88,8 @@ class NaiveHarmonics:
             turn = np.sum(h * (step[clear] * a.conj()).imag / v) / np.sum(h**2 * abs(a) ** 2 / v)
             ratio, told = step[clear] / a, abs(a) ** 2 / (abs(a) ** 2 + v)
             louder = np.average(ratio.real, weights=told)
-            if louder > orders.JUMP and louder**2 > orders.ALIKE * np.average(abs(ratio) ** 2, weights=told):
+            alike = louder**2 > orders.ALIKE * np.average(abs(ratio) ** 2, weights=told)
+            if len(h) > 3 and louder > orders.JUMP and alike:
                 step = step - louder * self.amplitude
                 self.amplitude = (1 + louder) * self.amplitude
                 self.variance = (1 + louder) ** 2 * self.variance

@@ -295,6 +295,15 @@ def test_a_load_makes_all_of_a_comb_louder_and_that_is_followed_at_once(spindle)
     assert {frame.source for frame in frames[80:]} == {frames[79].source} != {None}
 
 
+def test_a_few_lines_that_get_louder_together_are_no_load():
+    """Chatter that has locked to the teeth is a comb of a few lines, too: most of it stays in the signal."""
+    few = comb(6, TURNS_HZ, {4: 1.0, 8: 0.7, 12: 0.5})
+    signal = few * np.where(np.arange(at(6)) < at(4), 1.0, 6.0)
+    residual, _ = take_out(signal + noise(6), GIVEN)
+    assert power(residual, 3.5, 4) < 0.1 * power(signal, 3.5, 4)
+    assert power(residual, 4, 4.2) > 0.5 * power(signal, 4, 4.2)
+
+
 @pytest.mark.parametrize("order", [4, 8])
 def test_what_jumps_on_one_order_of_many_is_no_load(order):
     """Six times as loud on an order that is in the comb, at once: most of it stays in the signal, for a while."""
