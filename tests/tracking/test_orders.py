@@ -306,11 +306,13 @@ def test_a_few_lines_that_get_louder_together_are_no_load():
 
 @pytest.mark.parametrize("order", [4, 8])
 def test_what_jumps_on_one_order_of_many_is_no_load(order):
-    """Six times as loud on an order that is in the comb, at once: most of it stays in the signal, for a while."""
-    line = np.where(np.arange(at(6)) < at(4), 0.0, comb(6, TURNS_HZ, {order: 5.0 * MILLING[order]}))
+    """Ten times as loud on an order that is in the comb, at once: most of it stays in the signal, and no other goes."""
+    line = np.where(np.arange(at(6)) < at(4), 0.0, comb(6, TURNS_HZ, {order: 9.0 * MILLING[order]}))
     residual, _ = take_out(comb(6, TURNS_HZ, MILLING) + line + noise(6), GIVEN)
     there = slice(at(4), at(4.2))
+    others = comb(6, TURNS_HZ, MILLING | {order: 0.0})[there]
     assert residual[there] @ line[there] > 0.7 * line[there] @ line[there]
+    assert abs(residual[there] @ others) < 0.3 * others @ others
 
 
 @pytest.mark.parametrize("spindle", [UNKNOWN, SpindleSettings(60 * 60.5, 3)])

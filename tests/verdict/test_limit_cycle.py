@@ -95,7 +95,6 @@ def test_an_alarm_goes_on_where_more_repeats(repeating, goes_on):
 def test_a_cut_that_is_loud_from_the_start_has_no_lower_level():
     """Who does not know how loud the cut was does not say that it got louder."""
     assert not any(hear(LimitCycle(INTERVAL_S), 10 * LEVEL))
-    assert not any(hear(louder(followed=calm(intervals=1)), 1))
     assert not any(hear(calm(intervals=LEVEL // 2), 10 * LATER))
 
 
