@@ -4,6 +4,10 @@ A mode close to its limit is driven by noise, too: it doubles its amplitude in a
 again. Nothing tells the next swing from the onset of chatter but the swings before. So for every range of frequencies
 the highest amplitude is kept that went down to half by itself, without an alarm. What is no louder has not risen. But
 what swings in a cut that chatters there later on was on its way to that, and says nothing of the next cut.
+
+Where the first swing that is heard has been taken for chatter, every later one would be, too. But chatter keeps its
+amplitude, from the moment that it is limited, and what noise drives does not. So what has come down by itself after an
+alarm within which it came and went like noise has swung, however far: not the first time, but when that happens again.
 """
 
 import math
@@ -16,6 +20,8 @@ from chatter_monitor.kernels.heard import HERTZ
 from chatter_monitor.kernels.kinds import LOUDER
 from chatter_monitor.kernels.lines import ABSOLUTE_RISE, ARRIVAL, LONG_RISE, NEWS, RISE, SHARE
 from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.prominence import TINY
+from chatter_monitor.kernels.vibrations import explain
 
 # Ranges of frequencies as wide as this (natural logarithm), from the lowest line that is looked at on.
 LOWEST_HZ, WIDTH = 50.0, 0.06
@@ -29,6 +35,12 @@ LATER = 40
 FORGETTING = 0.05 / 1200.0
 # What has so many times the power that the cut usually has (18 dB) is beyond all swings: a lighter cut than those.
 BEYOND = 64.0
+# Like noise: the logarithm of its mean power is above the mean of its logarithm by so much, within a second; that would
+# be Euler's constant, 0.58, if it had come and gone many times in it. Of chatter in an unsteady cut it is about 0.1.
+DISPERSED = 0.25
+# Intervals in that second; of an alarm that is shorter nothing is said. And those after an alarm within which the tool
+# would have left, if that was why it ended.
+SECOND, SINCE = 20, 10
 
 
 class SwingState(NamedTuple):
@@ -38,6 +50,8 @@ class SwingState(NamedTuple):
     ----------
     highest, here : ndarray of float64, shape (RANGES,)
         Of what came down by itself in the cuts before, and in this one; counts.
+    alarmed : ndarray of float64, shape (RANGES,)
+        Highest of what came down by itself after one alarm in which it was like noise.
     lately, before : ndarray of float64, shape (RANGES,)
         The same within the last up to `LATER` intervals, and within as many before those; does not count yet.
     crest, now : ndarray of float64, shape (RANGES,)
@@ -51,6 +65,7 @@ class SwingState(NamedTuple):
 
     highest: np.ndarray
     here: np.ndarray
+    alarmed: np.ndarray
     lately: np.ndarray
     before: np.ndarray
     crest: np.ndarray
@@ -61,9 +76,9 @@ class SwingState(NamedTuple):
 
 def new_swings() -> SwingState:
     """Nothing has been heard."""
-    highest, here, lately, before, crest, now = np.full((6, RANGES), -math.inf)
+    highest, here, alarmed, lately, before, crest, now = np.full((7, RANGES), -math.inf)
     chattered, clock = np.zeros(RANGES, np.bool_), np.zeros(1, np.int64)
-    return SwingState(highest, here, lately, before, crest, now, chattered, clock)
+    return SwingState(highest, here, alarmed, lately, before, crest, now, chattered, clock)
 
 
 @njit(**OPTIONS)
@@ -87,8 +102,10 @@ def hold_back(heard, power, usual, calm, vibrations, state):
     for i in range(RANGES):
         state.highest[i] -= FORGETTING
         state.here[i] -= FORGETTING
+        state.alarmed[i] -= FORGETTING
     _count_later(state)
     _forget_onset(vibrations, state)
+    _learn_from_alarms(heard, power, vibrations, state)
     if not calm:
         forget_the_last(state)
     for i in range(RANGES):
@@ -127,6 +144,61 @@ def _forget_onset(vibrations, state):
     for i in range(RANGES):
         if state.chattered[i]:
             state.here[i] = state.lately[i] = state.before[i] = state.crest[i] = state.now[i] = -math.inf
+
+
+@njit(**OPTIONS)
+def _learn_from_alarms(heard, power, vibrations, state):
+    """What came and went like noise in an alarm, and came down by itself, has swung so far, if not for the first time.
+
+    That is asked some time after the alarm, in the same cut; until then the tool may have been about to leave.
+    """
+    for i in range(vibrations.shape[0]):
+        vibration = vibrations[i]
+        place = _place(vibration.frequency_hz)
+        here = power * _largest_share(heard, place)
+        if vibration.alarm_for > 0:
+            _disperse(vibration, here)
+        elif vibration.chattered and vibration.over == SINCE and _swung(vibration, here):
+            before = _around(state.alarmed, place)
+            state.alarmed[place] = max(before, vibration.crest)
+            if before > -math.inf:
+                state.highest[place] = max(state.highest[place], state.alarmed[place])
+            state.chattered[max(place - 1, 0) : min(place + 2, RANGES)] = False
+            explain(vibration)
+
+
+@njit(**OPTIONS)
+def _disperse(vibration, power):
+    """Tell how far what an alarm is about comes and goes."""
+    if vibration.alarm_for == 1:
+        vibration.crest, vibration.dispersion = -math.inf, 0.0
+    if not power > 0.0:
+        return
+    logarithm = math.log(power)
+    if vibration.crest == -math.inf:
+        vibration.mean, vibration.logarithm = power, logarithm
+    vibration.mean += (power - vibration.mean) / SECOND
+    vibration.logarithm += (logarithm - vibration.logarithm) / SECOND
+    vibration.crest = max(vibration.crest, 0.5 * logarithm)
+    beyond = vibration.alarm_for - SECOND
+    if beyond > 0:
+        vibration.dispersion += (math.log(vibration.mean) - vibration.logarithm - vibration.dispersion) / beyond
+
+
+@njit(**OPTIONS)
+def _swung(vibration, power):
+    """Whether it came and went like noise in the last alarm about it, and has come down to this power since."""
+    return vibration.dispersion > DISPERSED and 0.5 * math.log(power + TINY) < vibration.crest - DOWN
+
+
+@njit(**OPTIONS)
+def _largest_share(heard, place):
+    """That which the loudest line in a range or next to it has of the power, 0 without one."""
+    loudest = 0.0
+    for i in range(heard.shape[0]):
+        if abs(_place(heard[i, HERTZ]) - place) <= 1:
+            loudest = max(loudest, heard[i, SHARE])
+    return loudest
 
 
 @njit(**OPTIONS)

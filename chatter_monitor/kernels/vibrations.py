@@ -108,6 +108,10 @@ VIBRATION = np.dtype(
         ("over", np.int64),  # intervals since an alarm about it
         ("own", np.int64),  # intervals since one that began without the memory of another
         ("recalled", np.bool_),  # whether the alarm about it began by that memory
+        ("mean", float),  # its power in an alarm, averaged, and the logarithm of that (`kernels.swings`)
+        ("logarithm", float),
+        ("dispersion", float),  # by how much the logarithm of the mean is the larger, averaged
+        ("crest", float),  # largest logarithm of its amplitude in that alarm
         ("heard", np.int64),  # intervals in which it was
         ("late", np.bool_),  # whether it was noise yet when it had been heard in `ARRIVED` of them
         ("on_order", float),  # logarithm of its frequency when it was on an order last, NaN before
@@ -290,6 +294,7 @@ def _begin(vibration, line):
     vibration.chattered = False
     vibration.heard = vibration.over = vibration.own = 0
     vibration.late = vibration.recalled = False
+    vibration.dispersion = 0.0
     vibration.place = math.log(line.frequency_hz)
     vibration.on_order = math.nan
     vibration.glide = vibration.jitter = vibration.carried = 0.0
@@ -436,11 +441,11 @@ def _glide(vibration, unheard):
     elif vibration.glided > 0 and not unheard:
         vibration.glided -= 1
         if vibration.glided == 0:
-            _explain(vibration)
+            explain(vibration)
 
 
 @njit(**OPTIONS)
-def _explain(vibration):
+def explain(vibration):
     """Take it for something that turns: it has not chattered, nor risen by itself."""
     _set_kinds(vibration, CALMED)
     vibration.chattered = False
@@ -451,7 +456,7 @@ def withdraw(vibrations):
     """Take all of these that an alarm was about just now, of an array of VIBRATION, for something that turns."""
     for i in range(vibrations.shape[0]):
         if chattered_just_now(vibrations[i]):
-            _explain(vibrations[i])
+            explain(vibrations[i])
 
 
 @njit(**OPTIONS)

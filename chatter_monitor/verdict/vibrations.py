@@ -209,6 +209,7 @@ class Following:
         for since in ("missed", "over", "own"):
             known[since] += 1
         known["alarm_for"] = 0
+        known["dispersion"] = 0.0  # it has not come down by itself
         known["line"] = NO_LINE
         self._known = len(known)
         self._vibrations[: self._known] = known

@@ -10,7 +10,17 @@ import pytest
 from chatter_monitor.kernels.heard import FIELDS, HERTZ
 from chatter_monitor.kernels.kinds import LOUDER
 from chatter_monitor.kernels.lines import ABSOLUTE_RISE, ARRIVAL, LONG_RISE, NEWS, RISE, SHARE
-from chatter_monitor.kernels.swings import BEYOND, DOWN, LATER, end_cut, forget_the_last, hold_back, new_swings
+from chatter_monitor.kernels.swings import (
+    BEYOND,
+    DOWN,
+    LATER,
+    SECOND,
+    SINCE,
+    end_cut,
+    forget_the_last,
+    hold_back,
+    new_swings,
+)
 from chatter_monitor.kernels.vibrations import VIBRATION
 
 RISES = [RISE, LONG_RISE, ABSOLUTE_RISE, NEWS, ARRIVAL]
@@ -137,6 +147,73 @@ def test_the_whole_band_has_a_place(hertz):
     for amplitude in (1.0, *np.zeros(LONG_ENOUGH)):
         interval(state, amplitude, hertz)
     assert interval(state, 1.0, hertz) == pytest.approx(LOUDER, abs=0.01)
+
+
+def noisy(intervals=60):
+    """Logarithms of the amplitude of a mode that noise drives, of a correlation of a quarter of a second, about 1."""
+    rng = np.random.default_rng(5)
+    mode = np.empty(intervals + 1, complex)
+    mode[0] = 1.0
+    for i, shock in enumerate(rng.standard_normal((intervals, 2)) @ (1.0, 1j) / math.sqrt(2.0)):
+        mode[i + 1] = 0.8 * mode[i] + 0.6 * shock
+    return 1.0 + np.log(np.abs(mode[1:]))
+
+
+def steady(intervals=60):
+    """Those of one that is limited, in an unsteady cut."""
+    return 1.0 + 0.2 * np.random.default_rng(6).standard_normal(intervals)
+
+
+def alarm(state, amplitudes, after=-3.0, *, line=True):
+    """What an alarm was about while a line had these amplitudes, and another one since; some intervals after it."""
+    vibrations = chattered()
+    vibrations["chattered"], vibrations["dispersion"] = True, 1.0  # of an earlier alarm
+    for i, amplitude in enumerate(amplitudes):
+        vibrations["alarm_for"] = i + 1
+        if line or i % 3:
+            interval(state, amplitude, calm=False, vibrations=vibrations)
+        else:
+            hold_back(np.empty((0, FIELDS)), 1.0, 0.0, False, vibrations, state)
+    vibrations["alarm_for"] = 0
+    for i in range(SINCE + 1):
+        vibrations["over"] = i
+        interval(state, after, calm=False, vibrations=vibrations)
+    return vibrations[0]
+
+
+@pytest.mark.parametrize("line", [True, False])
+def test_what_came_and_went_like_noise_in_two_alarms_has_swung(line):
+    """Where its line was heard."""
+    state = new_swings()
+    assert not alarm(state, noisy(), line=line)["chattered"]
+    assert interval(state, noisy().max()) == RISEN
+    assert not alarm(state, noisy() - 0.5, line=line)["chattered"]
+    assert interval(state, noisy().max()) == pytest.approx(LOUDER, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("amplitudes", "after"),
+    [
+        (steady(), -3.0),  # chatter
+        (noisy(SECOND), -3.0),  # nobody can tell
+        (noisy(), noisy().max() - 0.9 * DOWN),  # it did not come down
+    ],
+)
+def test_in_any_other_alarm_nothing_has_swung(amplitudes, after):
+    state = new_swings()
+    for _ in range(3):
+        assert alarm(state, amplitudes, after)["chattered"]
+    assert interval(state, 2.0) == RISEN
+
+
+def test_once_in_an_hour_is_not_again():
+    """Two machines, and twenty minutes between: what the first did is a third of it by then."""
+    state = new_swings()
+    alarm(state, noisy())
+    for _ in range(20 * 60 * 20):
+        hold_back(np.empty((0, FIELDS)), 1.0, 0.0, True, NONE, state)
+    alarm(state, noisy() - 2.0)
+    assert interval(state, noisy().max()) == pytest.approx(LOUDER + 1.0, abs=0.01)
 
 
 def test_without_power_there_is_no_amplitude():

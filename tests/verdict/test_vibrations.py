@@ -568,6 +568,15 @@ def test_at_rest_only_chatter_is_remembered():
     assert not len(following.follow(interval(), RULES).vibrations)
 
 
+def test_what_ends_with_the_cut_has_not_come_down_by_itself():
+    following = Following()
+    for _ in range(40):
+        told = following.follow(interval(1000.0), RULES)
+    told.vibrations["dispersion"] = 1.0
+    following.rest()
+    assert following.follow(interval(), RULES).vibrations["dispersion"].tolist() == [0.0]
+
+
 def test_what_came_and_left_with_the_tool_is_forgotten():
     """Of a cut of which only its lines were heard none has grown in the cut."""
     following = Following()
