@@ -86,7 +86,8 @@ def _draw_plane(axes: Axes, case: Case, p: float) -> None:
     relative = 100.0 * force / (case.innovations.linear.modes[0].omega ** 2 * sd_x)
     top = float(np.nanmax(np.abs(relative)))
     drawn = axes.pcolormesh(axis, axis, relative.T, cmap="RdBu_r", vmin=-top, vmax=top, shading="auto")
-    axes.figure.colorbar(drawn, ax=axes, label="force, % of rms restoring force")
+    bar = axes.figure.colorbar(drawn, ax=axes, pad=0.1, label="force, % of rms restoring force")
+    bar.ax.yaxis.set_label_position("left")  # however long the numbers on its right are
     axes.set(xlabel="x / rms", ylabel="x' / rms", title=f"phase plane: force nothing linear makes, p = {p:.2g}")
 
 
