@@ -98,6 +98,7 @@ RULES = (
     _rule(127, "new power in the same cut", ("verdict.comparison", "ENOUGH", NEVER)),
     _rule(131, "a lost comb's lines stay", ("kernels.vibrations", "STILL_THERE", -1.0)),
     _rule(131, "a load that jumps is no limit cycle", ("verdict.limit_cycle", "JUMPED", NEVER)),
+    _rule(132, "like noise in an alarm", ("kernels.swings", "DISPERSED", NEVER)),
 )  # fmt: skip
 
 
