@@ -4,7 +4,7 @@ A line that is suspected takes its time to be certain; where all that does not t
 times louder with it, there is nothing to wait for. And what chatters is limited by the tool leaving the cut, and then
 jumps between lines and loses its coherence for a while, or catches on the teeth, and is taken out with what turns. None
 of that ends it: as long as the power stays far above what it was before, and does not fall far below what it was in the
-alarm, the alarm goes on.
+alarm, the alarm goes on; and again, where it has been quieter for a moment only.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ LEAP, AT_ONCE = 16.0, 2
 TELLING_S = 0.5
 # How many times the usual power it is still; and which share of that in the alarm.
 STILL_LOUD, STILL_THERE = 5.0, 0.3
+# Seconds within which an alarm that has got quieter goes on if it is as loud again.
+QUIETER_S = 1.0
 # What turns with up to so many times its usual power is no chatter that has caught on the teeth.
 AS_TURNING = 2.0
 # Least weight of an interval in the average of the power in an alarm.
@@ -62,8 +64,10 @@ class Loudness:
         self._now: float | None = None
         self._with_caught = 0.0  # the same with what has caught on the teeth
         self.rise = 0.0
+        self._moment = round(QUIETER_S / interval_s)
         self._suspected = 0
         self._alarmed, self._in_alarm = 0, 0.0
+        self._quieter = 0  # intervals since an alarm was as loud
 
     def rest(self) -> None:
         """Nothing is cut, or a cut begins."""
@@ -118,12 +122,17 @@ class Loudness:
         loud = self._now if alarm or begins else self._with_caught
         self.rise = loud / self.usual if self.usual > 0.0 else 0.0
         if alarm or begins:
+            self._quieter = 0
             self._alarmed += 1
             self._in_alarm += max(1.0 / self._alarmed, LASTING) * (with_caught - self._in_alarm)
             return begins
         told = self._alarmed >= self._telling
         if told and self.rise > STILL_LOUD and self._with_caught > STILL_THERE * self._in_alarm:
+            self._quieter = 0
             return True
+        self._quieter += 1
+        if told and self._quieter < self._moment:
+            return False
         self._alarmed = 0
         if calm:
             self._calm.append(power)

@@ -9,6 +9,7 @@ from chatter_monitor.verdict.loudness import (
     LEAP,
     LEAST_S,
     LOUD,
+    QUIETER_S,
     STILL_LOUD,
     STILL_THERE,
     SURE_ENOUGH,
@@ -19,7 +20,9 @@ from chatter_monitor.verdict.loudness import (
 )
 
 INTERVAL_S = 0.05
-LEAST, TELLING, ENOUGH, WINDOW = (round(s / INTERVAL_S) for s in (LEAST_S, TELLING_S, SUSPECTED_S, USUAL_S))
+LEAST, TELLING, ENOUGH, WINDOW, MOMENT = (
+    round(s / INTERVAL_S) for s in (LEAST_S, TELLING_S, SUSPECTED_S, USUAL_S, QUIETER_S)
+)
 CHATTER = 32.0  # times the power of a calm cut
 SUSPICIOUS = {"odds": 1.0, "calm": False}
 
@@ -89,6 +92,15 @@ def test_it_does_not_come_back_by_itself():
     loudness = after()
     hear(loudness, 1.0)
     assert hear(loudness, CHATTER) == 0
+
+
+@pytest.mark.parametrize(("moments", "again"), [(0.7, True), (1.5, False)])
+def test_but_after_a_moment(moments, again):
+    """What chatters jumps between lines; and what it is then says nothing of what is usual."""
+    loudness = after()
+    assert hear(loudness, 0.2 * CHATTER, round(moments * MOMENT)) < 5
+    assert (hear(loudness, CHATTER) > 35) == again
+    assert (loudness.usual == 1.0) == again
 
 
 def test_no_alarm_goes_on_that_did_not_tell():
