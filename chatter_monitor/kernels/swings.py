@@ -35,9 +35,10 @@ LATER = 40
 FORGETTING = 0.05 / 1200.0
 # What has so many times the power that the cut usually has (18 dB) is beyond all swings: a lighter cut than those.
 BEYOND = 64.0
-# Like noise: the logarithm of its mean power is above the mean of its logarithm by so much, within a second; that would
-# be Euler's constant, 0.58, if it had come and gone many times in it. Of chatter in an unsteady cut it is about 0.1.
-DISPERSED = 0.25
+# Like noise: the logarithm of its mean power is above the mean of its logarithm by so much, within a second and since
+# it was highest; that is Euler's constant, 0.58, if it comes and goes many times in it. Of chatter it is 0.2 at most,
+# nearly always, in an unsteady cut, too.
+DISPERSED = 0.4
 # Intervals in that second; of an alarm that is shorter nothing is said. And those after an alarm within which the tool
 # would have left, if that was why it ended.
 SECOND, SINCE = 20, 10
@@ -175,11 +176,10 @@ def _disperse(vibration, power):
     if not power > 0.0:
         return
     logarithm = math.log(power)
-    if vibration.crest == -math.inf:
-        vibration.mean, vibration.logarithm = power, logarithm
+    if 0.5 * logarithm > vibration.crest:  # to grow is not to come and go
+        vibration.crest, vibration.mean, vibration.logarithm = 0.5 * logarithm, power, logarithm
     vibration.mean += (power - vibration.mean) / SECOND
     vibration.logarithm += (logarithm - vibration.logarithm) / SECOND
-    vibration.crest = max(vibration.crest, 0.5 * logarithm)
     beyond = vibration.alarm_for - SECOND
     if beyond > 0:
         vibration.dispersion += (math.log(vibration.mean) - vibration.logarithm - vibration.dispersion) / beyond
