@@ -155,11 +155,14 @@ def _learn_from_alarms(heard, power, vibrations, state):
     """
     for i in range(vibrations.shape[0]):
         vibration = vibrations[i]
+        alarm = vibration.alarm_for > 0
+        if not (alarm or (vibration.chattered and vibration.over == SINCE)):
+            continue
         place = _place(vibration.frequency_hz)
         here = power * _largest_share(heard, place)
-        if vibration.alarm_for > 0:
+        if alarm:
             _disperse(vibration, here)
-        elif vibration.chattered and vibration.over == SINCE and _swung(vibration, here):
+        elif _swung(vibration, here):
             before = _around(state.alarmed, place)
             state.alarmed[place] = max(before, vibration.crest)
             if before > -math.inf:

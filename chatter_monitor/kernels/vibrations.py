@@ -446,7 +446,7 @@ def _glide(vibration, unheard):
 
 @njit(**OPTIONS)
 def explain(vibration):
-    """Take it for something that turns: it has not chattered, nor risen by itself."""
+    """Take it for something that turns, or that noise drives: it has not chattered, nor risen by itself."""
     _set_kinds(vibration, CALMED)
     vibration.chattered = False
 

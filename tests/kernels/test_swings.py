@@ -207,8 +207,8 @@ def test_in_any_other_alarm_nothing_has_swung(amplitudes, after):
     assert interval(state, 2.0) == RISEN
 
 
-def test_once_in_an_hour_is_not_again():
-    """Two machines, and twenty minutes between: what the first did is a third of it by then."""
+def test_how_far_it_swung_in_an_alarm_is_forgotten_in_twenty_minutes():
+    """Though not that it did: it is a third of that by then."""
     state = new_swings()
     alarm(state, noisy())
     for _ in range(20 * 60 * 20):
