@@ -86,7 +86,9 @@ class BackEnd:
         """Yield what there is to see in intervals."""
         # One stage after the other over all frames of a block, so that each finds its code and data in the cache.
         lines = [lines_of(self._spectrum, odp, turned) for odp, turned in tracked]
-        margins = [self._margin_of(odp, turned) for odp, turned in tracked]
+        margins = [
+            self._margin_of(odp, turned, cutting=told[1]) for (odp, turned), told in zip(tracked, lines, strict=True)
+        ]
         for (odp, turned), told, margin in zip(tracked, lines, margins, strict=True):
             found, cutting, entering, alone, grown, cycle = told
             yield Observation(odp, turned, found, cutting, margin, entering, alone, grown, cycle)
@@ -98,9 +100,9 @@ class BackEnd:
     def _new_margin(self) -> MarginTracker:
         return MarginTracker(MarginSettings(), self._rate_hz, self._teeth, turn=self._channel)
 
-    def _margin_of(self, frame: OdpFrame, orders: Orders) -> Margin:
+    def _margin_of(self, frame: OdpFrame, orders: Orders, *, cutting: bool) -> Margin:
         """Margin at the end of a frame; the delay is known only with the spindle, not with any comb."""
-        for margin in self._margin.process(frame.signal, *orders.spindle):
+        for margin in self._margin.process(frame.signal, *orders.spindle, cutting=cutting):
             self._last_margin = margin
         return self._last_margin
 

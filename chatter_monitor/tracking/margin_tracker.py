@@ -93,7 +93,9 @@ class MarginTracker:
         self._strongest, self._other = FollowedMode(), FollowedMode()
         self._under_way: Pieces[None] | None = None
 
-    def process(self, samples: Array, rotation_hz: float | None, rotation_sd_hz: float | None = None) -> list[Margin]:
+    def process(
+        self, samples: Array, rotation_hz: float | None, rotation_sd_hz: float | None = None, *, cutting: bool = True
+    ) -> list[Margin]:
         """Take samples and return the margin of each frame that they complete.
 
         Parameters
@@ -104,14 +106,18 @@ class MarginTracker:
             Rotation frequency of the spindle during these samples; None if it is not known.
         rotation_sd_hz : float, optional
             Its standard deviation, if that is larger than the settings' uncertainty.
+        cutting : bool
+            Whether the tool is in the cut. Air has no margin, and each cut one of its own.
         """
         self.digest()
-        self._follow_speed(rotation_hz, rotation_sd_hz)
+        if not cutting:
+            rotation_hz = None
+        self._follow_speed(rotation_hz, rotation_sd_hz, "the spindle speed is unknown" if cutting else "nothing is cut")
         margins = []
         while len(samples):
             self.digest()
             size = min(len(samples), self._frame - self._samples % self._frame)
-            if rotation_hz is None:  # the average begins with the first speed that is known
+            if rotation_hz is None:  # the average begins with the first speed that is known, and with the cut
                 self._periodogram.skip(size)
             else:
                 self._periodogram.take(samples[:size])
@@ -149,15 +155,19 @@ class MarginTracker:
                 if self._strongest.margin is not None:
                     self._margin = beside(self._strongest.margin, self._other.margin)
 
-    def _follow_speed(self, rotation_hz: float | None, rotation_sd_hz: float | None) -> None:
-        """Start anew when the teeth pass at another pace, because the comb of their delay is another one."""
+    def _follow_speed(self, rotation_hz: float | None, rotation_sd_hz: float | None, without: str) -> None:
+        """Start anew when the teeth pass at another pace, because the comb of their delay is another one.
+
+        While they pass at none there is no margin, for the reason ``without``.
+        """
         known, uncertainty = self._rotation_hz, self._uncertainty
         if rotation_hz is not None:
             self._uncertainty = max(self._settings.speed_uncertainty, (rotation_sd_hz or 0.0) / rotation_hz)
-        if rotation_hz == known:
-            return
         if rotation_hz is None:
-            self._start_anew("the spindle speed is unknown")
+            if known is not None or self._margin.reason != without:
+                self._start_anew(without)
+        elif rotation_hz == known:
+            return
         elif known is None or abs(rotation_hz / known - 1.0) > _OTHER_SPEED * uncertainty:
             self._start_anew("too little signal yet at this speed")
         else:

@@ -110,6 +110,19 @@ def test_without_a_speed_there_is_no_margin():
     assert observe((0, milling(4.0)), spindle=SpindleSettings())[-1].margin.kappa is None
 
 
+def test_in_air_there_is_no_margin():
+    """What the tool leaves behind is the room's; before the tool has left, and when it is back, a cut is heard."""
+    signal = milling(12.0)
+    air = slice(round(6.0 * RATE_HZ), round(8.0 * RATE_HZ))
+    signal[air] = 1e-3 * np.random.default_rng(8).standard_normal(signal[air].size)
+    seen = observe((0, signal))
+    assert seen[119].margin.kappa is not None
+    assert {each.margin.reason for each in seen if not each.cutting} == {"nothing is cut"}
+    assert all(each.cutting == (each.margin.reason != "nothing is cut") for each in seen)
+    assert sum(not each.cutting for each in seen) > 30
+    assert seen[-1].margin.kappa is not None
+
+
 def test_a_new_speed_holds_from_the_next_interval():
     """After `set_spindle` the comb is looked for at the new speed, and other teeth start the margin anew."""
     following = channel(SpindleSettings(speed_rpm=3000.0, teeth=4))

@@ -201,6 +201,20 @@ def test_beyond_the_speed_nothing_is_claimed_and_another_speed_starts_anew(half)
     assert second[-1].margin_percent is None
 
 
+def test_air_has_no_margin_and_each_cut_one_of_its_own(half):
+    """Of two cuts with air between, the second is heard to the last bit as if nothing had been cut before."""
+    second = int(RATE_HZ)
+    tracker = MarginTracker(MarginSettings(), RATE_HZ, SPINDLE.teeth)
+    before = tracker.process(half[: 6 * second], ROTATION_HZ)
+    air = tracker.process(half[6 * second : 9 * second], ROTATION_HZ, cutting=False)
+    after = tracker.process(half[: 6 * second], ROTATION_HZ)
+    assert before[-1].margin_percent is not None
+    assert {margin.reason for margin in air} == {"nothing is cut"}
+    assert repr(after) == repr(before)
+    assert tracker.process(half[:second], None)[-1].reason == "the spindle speed is unknown"
+    assert tracker.process(half[:second], None, cutting=False)[-1].reason == "nothing is cut"
+
+
 def test_missing_samples_end_a_margin_and_it_comes_back(half):
     """A long gap leaves no stale margin behind; after it one is heard again."""
     second = int(RATE_HZ)
