@@ -14,19 +14,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
-from benchmarks.verdict.cut import INTERVAL_S, Cut
+from benchmarks.verdict.cut import INTERVAL_S, RATE_HZ, Cut
 from benchmarks.verdict.generator import cut, family_of
+from benchmarks.verdict.shift import enter_and_leave
 from chatter_monitor.tracking.channel import Channel
 from chatter_monitor.tracking.orders import OrderSettings
 from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import TrackerSettings
 
 LAST = round(5.0 / INTERVAL_S)  # intervals that are compared
-LEAST = 0.3  # of them with a margin
+PASS_S, AIR_S, LATE_S, LEAVING_S = 6.0, 2.0, 1.0, 0.1
+ROOM = 0.02  # of the root mean square of the cut
+LEAST = 0.3  # of the intervals that are compared with a margin
 FAMILY = "stable"
+
+Floats = NDArray[np.float64]
 WORST = 5  # cuts that are shown
 
 
@@ -60,16 +66,34 @@ class Told:
         return self.ratio / self.true_ratio - 1.0
 
 
-def told_of(made: Cut) -> Told | None:
-    """What the channel tells of a cut of a nominal speed; None where that is no margin."""
+def in_passes(made: Cut) -> tuple[Floats, NDArray[np.bool_]]:
+    """A cut in passes with air between, and which of its intervals are late in a pass."""
+    rng = np.random.default_rng(made.samples.size)
+    whole, between, late, leaving = (round(span_s / INTERVAL_S) for span_s in (PASS_S, AIR_S, LATE_S, LEAVING_S))
+    size = round(INTERVAL_S * RATE_HZ)
+    air = np.zeros(between * size)
+    passes = made.samples[: made.samples.size // (whole * size) * whole * size].reshape(-1, whole * size)
+    samples = np.concatenate([np.concatenate([enter_and_leave(rng, each), air]) for each in passes])
+    compared = np.zeros(whole + between, np.bool_)
+    compared[whole - leaving - late : whole - leaving] = True
+    room = ROOM * float(np.std(made.samples)) * rng.standard_normal(samples.size)
+    return samples + room, np.tile(compared, len(passes))
+
+
+def told_of(made: Cut, *, passes: bool = False) -> Told | None:
+    """What the channel tells of a cut of a nominal speed, whole or in passes; None where that is no margin."""
+    samples, compared = (
+        in_passes(made) if passes else (made.samples, np.arange(len(made.truth)) >= len(made.truth) - LAST)
+    )
     channel = Channel(TrackerSettings(), OrderSettings(), SpindleSettings(made.nominal_rpm, made.teeth))
-    last = [observation.margin for observation in channel.process(0, made.samples)][-LAST:]
     rows = [
         (margin.ratio, *(margin.ratio_ci95 or ()), margin.damping_rightmost)
-        for margin in last
+        for margin in (
+            observation.margin for observation, here in zip(channel.process(0, samples), compared, strict=True) if here
+        )
         if margin.margin_percent is not None
     ]
-    if len(rows) < LEAST * LAST:
+    if len(rows) < LEAST * np.count_nonzero(compared):
         return None
     ratio, low, high, damping = np.median(np.array(rows, float), axis=0).tolist()
     truth = made.truth
@@ -108,10 +132,14 @@ def main() -> None:
     parser.add_argument("--split", choices=("development", "report"), default="development")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--cuts", type=int, default=600, help="of these one in 15 counts (default 600)")
+    parser.add_argument("--passes", action="store_true", help="with air between passes of 6 s")
     chosen = parser.parse_args()
     of_all = range(chosen.first, chosen.first + chosen.cuts)
     numbers = [number for number in of_all if family_of(number) == FAMILY]
-    heard = [told_of(cut(chosen.split, number)) for number in track(numbers, "cuts", console=Console(stderr=True))]
+    heard = [
+        told_of(cut(chosen.split, number), passes=chosen.passes)
+        for number in track(numbers, "cuts", console=Console(stderr=True))
+    ]
     told = [each for each in heard if each is not None]
     print(f"{chosen.split} {chosen.first} to {of_all[-1]}: a margin in {len(told)} of {len(heard)} steady stable cuts")
     if told:

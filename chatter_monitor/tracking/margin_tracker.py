@@ -30,6 +30,7 @@ FRAMES_PER_FIT = 20
 FRAMES_TO_RENEW = SEGMENT_FRAMES + HOP_FRAMES + FRAMES_PER_FIT
 _BINS_PER_FRAME = 3000  # evaluated in a fit, about: a quarter of a millisecond
 _LOWEST_HZ = 60.0  # of a mode; below are offset and drift
+_UNHEARD = "samples are missing, or nothing moves"
 # Relative change of the rotation, in its standard deviations, after which the comb of the delay is another one.
 _OTHER_SPEED = 4.0
 
@@ -84,12 +85,15 @@ class MarginTracker:
         )
         self._turn = turn % TURNS
         self._samples = 0
+        self._nothing = np.full(self._frame, np.nan)
         self._undigested = False  # whether a frame has ended
         self._latest_hz: float | None = None  # speed in it
         self._rotation_hz: float | None = None  # with which the average began
         self._margin = Margin(reason="the spindle speed is unknown")
         self._uncertainty = settings.speed_uncertainty
+        self._cutting = True
         self._renewed = False
+        self._unheard = _UNHEARD  # why there is no margin if nothing has been renewed
         self._strongest, self._other = FollowedMode(), FollowedMode()
         self._under_way: Pieces[None] | None = None
 
@@ -107,20 +111,19 @@ class MarginTracker:
         rotation_sd_hz : float, optional
             Its standard deviation, if that is larger than the settings' uncertainty.
         cutting : bool
-            Whether the tool is in the cut. Air has no margin, and each cut one of its own.
+            Whether the tool is in the cut. Air has no margin, and no part in that of the cut before and after it.
         """
         self.digest()
-        if not cutting:
-            rotation_hz = None
-        self._follow_speed(rotation_hz, rotation_sd_hz, "the spindle speed is unknown" if cutting else "nothing is cut")
+        self._follow_speed(rotation_hz, rotation_sd_hz)
+        self._follow_tool(cutting=cutting)
         margins = []
         while len(samples):
             self.digest()
             size = min(len(samples), self._frame - self._samples % self._frame)
-            if rotation_hz is None:  # the average begins with the first speed that is known, and with the cut
+            if rotation_hz is None:  # the average begins with the first speed that is known
                 self._periodogram.skip(size)
             else:
-                self._periodogram.take(samples[:size])
+                self._periodogram.take(samples[:size] if cutting else self._nothing[:size])
             samples = samples[size:]
             self._samples += size
             if self._samples % self._frame == 0:
@@ -139,12 +142,12 @@ class MarginTracker:
         frame, rotation_hz = self._samples // self._frame, self._latest_hz
         if frame % HOP_FRAMES == self._turn:
             self._renewed |= self._periodogram.add()
-        if frame % FRAMES_PER_FIT == TURNS and rotation_hz is not None:
+        if frame % FRAMES_PER_FIT == TURNS and rotation_hz is not None and self._cutting:
             if self._renewed:
                 self._under_way = self._under_way or self._update(rotation_hz)
+                self._unheard = _UNHEARD
             elif self._strongest.fit is not None:
-                self._under_way = self._strongest.margin = self._other.margin = None
-                self._margin = Margin(reason="samples are missing, or nothing moves")
+                self._withdraw(self._unheard)
             self._renewed = False
         evaluated = 0
         while self._under_way is not None and evaluated < _BINS_PER_FRAME:
@@ -155,19 +158,27 @@ class MarginTracker:
                 if self._strongest.margin is not None:
                     self._margin = beside(self._strongest.margin, self._other.margin)
 
-    def _follow_speed(self, rotation_hz: float | None, rotation_sd_hz: float | None, without: str) -> None:
-        """Start anew when the teeth pass at another pace, because the comb of their delay is another one.
+    def _follow_tool(self, *, cutting: bool) -> None:
+        """Withdraw the margin when the tool leaves; when it is back, the average goes on with the next whole window."""
+        if cutting == self._cutting or self._rotation_hz is None:
+            return
+        self._cutting, self._renewed = cutting, False
+        self._unheard = "too little signal yet of this cut" if cutting else "nothing is cut"
+        self._withdraw(self._unheard)
 
-        While they pass at none there is no margin, for the reason ``without``.
-        """
+    def _withdraw(self, reason: str) -> None:
+        self._under_way = self._strongest.margin = self._other.margin = None
+        self._margin = Margin(reason=reason)
+
+    def _follow_speed(self, rotation_hz: float | None, rotation_sd_hz: float | None) -> None:
+        """Start anew when the teeth pass at another pace, because the comb of their delay is another one."""
         known, uncertainty = self._rotation_hz, self._uncertainty
         if rotation_hz is not None:
             self._uncertainty = max(self._settings.speed_uncertainty, (rotation_sd_hz or 0.0) / rotation_hz)
-        if rotation_hz is None:
-            if known is not None or self._margin.reason != without:
-                self._start_anew(without)
-        elif rotation_hz == known:
+        if rotation_hz == known:
             return
+        if rotation_hz is None:
+            self._start_anew("the spindle speed is unknown")
         elif known is None or abs(rotation_hz / known - 1.0) > _OTHER_SPEED * uncertainty:
             self._start_anew("too little signal yet at this speed")
         else:

@@ -70,6 +70,7 @@ class Judge:
         self._loudness = Loudness(interval_s)
         self._irregularity = Irregularity(interval_s)
         self._cycle = LimitCycle(interval_s)
+        self._to_renew = 0  # intervals of cutting until no margin is of chatter any more
         self._earlier = Earlier(interval_s)
         self._arrival = Arrival(interval_s)
         self._surge = Surge(interval_s)
@@ -91,7 +92,7 @@ class Judge:
         deaf = bool(evidence.flags) and bool(evidence.flags & DEAF)  # joining enumerations takes its time
         power = evidence.rms**2
         memory = self._hear(0.0 if deaf else evidence.rms)  # what is not to be trusted sets no level
-        if memory.since_alarm < FRAMES_TO_RENEW:
+        if self._to_renew:
             evidence = evidence._replace(margin=AFTER_CHATTER)
         if deaf:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
@@ -109,6 +110,7 @@ class Judge:
             self._rest(forget=evidence.alone or by_tool)
             repeating = repeating_share(evidence.orders, Told())
             since_alarm = math.inf if by_tool else memory.since_alarm
+            self._to_renew = 0 if by_tool else self._to_renew
             memory = memory._replace(told=Told(), repeating=repeating, forced_share=repeating, since_alarm=since_alarm)
             view = entering(memory, settings)
             if by_tool:
@@ -129,6 +131,7 @@ class Judge:
             self._level.remember(power)
         undamped = view.state != "unknown" and is_undamped(evidence, settings)
         chatters = view.state == "self_excited"
+        self._to_renew = FRAMES_TO_RENEW if chatters else max(0, self._to_renew - evidence.cutting)
         signs = _signs(view, evidence, memory)
         self.memory = memory._replace(
             signs=signs,

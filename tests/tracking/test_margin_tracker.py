@@ -201,18 +201,32 @@ def test_beyond_the_speed_nothing_is_claimed_and_another_speed_starts_anew(half)
     assert second[-1].margin_percent is None
 
 
-def test_air_has_no_margin_and_each_cut_one_of_its_own(half):
-    """Of two cuts with air between, the second is heard to the last bit as if nothing had been cut before."""
+@pytest.mark.parametrize("air", [0.0, 1.0, 100.0])
+def test_air_has_no_margin_and_no_part_in_that_of_a_cut(half, air):
+    """However loud it is, what is told of the pass after it has the same bits, and rests on the pass before as well."""
     second = int(RATE_HZ)
+    tracker, deaf, alone = (MarginTracker(MarginSettings(), RATE_HZ, SPINDLE.teeth) for _ in range(3))
+    first = tracker.process(half[: 6 * second], ROTATION_HZ)
+    assert first[-1].margin_percent is not None
+    room = air * np.random.default_rng(9).standard_normal(2 * second)
+    between = tracker.process(room, ROTATION_HZ, cutting=False)
+    then = tracker.process(half[8 * second : 13 * second], ROTATION_HZ)
+    assert {margin.reason for margin in between} == {"nothing is cut"}
+    assert {margin.reason for margin in then[:50]} == {"too little signal yet of this cut"}
+    deaf.process(half[: 6 * second], ROTATION_HZ)
+    deaf.process(np.full(2 * second, np.nan), ROTATION_HZ, cutting=False)
+    assert repr(deaf.process(half[8 * second : 13 * second], ROTATION_HZ)) == repr(then)
+    once = alone.process(half[8 * second : 13 * second], ROTATION_HZ)
+    ends = [margin.ratio_ci95[1] - margin.ratio_ci95[0] for margin in (then[-1], once[-1])]
+    assert ends[0] < 0.9 * ends[1]
+
+
+def test_without_a_speed_it_does_not_matter_whether_anything_is_cut(half):
+    """The reason is the speed; once that is told, it is the air."""
     tracker = MarginTracker(MarginSettings(), RATE_HZ, SPINDLE.teeth)
-    before = tracker.process(half[: 6 * second], ROTATION_HZ)
-    air = tracker.process(half[6 * second : 9 * second], ROTATION_HZ, cutting=False)
-    after = tracker.process(half[: 6 * second], ROTATION_HZ)
-    assert before[-1].margin_percent is not None
-    assert {margin.reason for margin in air} == {"nothing is cut"}
-    assert repr(after) == repr(before)
-    assert tracker.process(half[:second], None)[-1].reason == "the spindle speed is unknown"
-    assert tracker.process(half[:second], None, cutting=False)[-1].reason == "nothing is cut"
+    second = int(RATE_HZ)
+    assert tracker.process(half[:second], None, cutting=False)[-1].reason == "the spindle speed is unknown"
+    assert tracker.process(half[:second], ROTATION_HZ, cutting=False)[-1].reason == "nothing is cut"
 
 
 def test_missing_samples_end_a_margin_and_it_comes_back(half):

@@ -266,11 +266,12 @@ def test_the_alarm_tells_frequency_damping_and_why():
     assert (before.margin_percent_ci95, alarm.margin_percent_ci95) == ((30.0, 50.0), None)
 
 
-def test_a_margin_after_chatter_is_of_what_came_after():
-    """Until no window of the signal holds chatter any more, a margin neither warns nor is told."""
+@pytest.mark.parametrize("air", [0, 200])
+def test_a_margin_after_chatter_is_of_what_came_after(air):
+    """Until no window of the cut holds chatter any more, a margin neither warns nor is told; air does not count."""
     near = evidence(margin=Margin(margin_percent=9.0, margin_ci95=(4.0, 14.0)))
-    seen = judged(*ONSET, *[near] * 200)
-    end = max(k for k, verdict in enumerate(seen) if verdict.state == "self_excited")
+    seen = judged(*ONSET, *[evidence(cutting=False)] * air, *[near] * 200)
+    end = air + max(k for k, verdict in enumerate(seen) if verdict.state == "self_excited")
     after = {(verdict.state, verdict.margin_percent) for verdict in seen[end + 1 : end + 1 + FRAMES_TO_RENEW]}
     assert after == {("stable", None)}
     assert {(verdict.state, verdict.margin_percent) for verdict in seen[end + 2 + FRAMES_TO_RENEW :]} == {
