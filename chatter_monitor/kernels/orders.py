@@ -8,13 +8,16 @@ tile is predicted before its first sample: no delay, and no cut of the stream in
 """
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from chatter_monitor.kernels.lanes import as_lanes
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.polynomial import cubic
+from chatter_monitor.kernels.transform import real_transform, transform
 
 TILE = 64  # samples
 MOST_ORDERS = 256
@@ -76,8 +79,14 @@ class OrderState(NamedTuple):
         Over one revolution, from one point before angle zero to two points after the end.
     fold : ndarray of float64, shape (points,)
         Sums of the residual over the angle.
-    spectra : ndarray of complex128, shape (2, points / 2 + 1)
-        From which the tables are to be made.
+    coefficients : ndarray of complex128, shape (orders + 1,)
+        Fourier coefficients of the fold.
+    spectra : ndarray of complex128, shape (2, orders + 1)
+        Fourier coefficients from which the tables are made.
+    turns : ndarray of complex128, shape (points,)
+        Powers of exp(-2 pi i / points).
+    work : ndarray of float64, shape (4, points)
+        Work space of the transforms.
     tile : ndarray of float64, shape (4, TILE)
         The current tile.
     angle : ndarray of float64, shape (14,)
@@ -91,10 +100,21 @@ class OrderState(NamedTuple):
     gate: np.ndarray
     tables: np.ndarray
     fold: np.ndarray
+    coefficients: np.ndarray
     spectra: np.ndarray
+    turns: np.ndarray
+    work: np.ndarray
     tile: np.ndarray
     angle: np.ndarray
     counts: np.ndarray
+
+
+@cache
+def _turns(points: int) -> np.ndarray:
+    """Powers of exp(-2 pi i / points), shared by all series of so many points."""
+    turns: np.ndarray = np.exp(-2j * np.pi * np.arange(points) / points)
+    turns.flags.writeable = False
+    return turns
 
 
 def new_state(orders: int, speed: float, speed_sd: float, drift: tuple[float, float]) -> OrderState:
@@ -116,7 +136,9 @@ def new_state(orders: int, speed: float, speed_sd: float, drift: tuple[float, fl
     angle[DRIFT] = math.sqrt(drift[0] * drift[1])
     return OrderState(
         real, imag, variance, gate,
-        np.zeros((2, points + 3)), np.zeros(points), np.zeros((2, points // 2 + 1), dtype=np.complex128),
+        np.zeros((2, points + 3)), np.zeros(points),
+        np.zeros(orders + 1, dtype=np.complex128), np.zeros((2, orders + 1), dtype=np.complex128),
+        _turns(points), np.zeros((4, points)),
         np.zeros((4, TILE)), angle, np.zeros(3, dtype=np.int64),
     )  # fmt: skip
 
@@ -259,21 +281,39 @@ def subtract(samples, state, corner, out):
 
 
 @njit(**OPTIONS)
-def learn(coefficients, state, lowest, memory):
-    """Move the amplitudes by what was folded, decide what is steady, and lay down the spectra of the next tables.
+def learn(state, lowest, memory):
+    """Move the amplitudes by what was folded, decide what is steady, and lay down the next tables.
 
     Parameters
     ----------
-    coefficients : ndarray of complex128, shape (points / 2 + 1,)
-        Discrete Fourier transform of the fold; overwritten.
     state : OrderState
-        Changed in place; the fold is emptied. The tables are the caller's to renew.
+        Changed in place; the fold is emptied.
     lowest : int
         Lowest order that is followed.
     memory : float
         Samples over which amplitudes are averaged.
     """
-    counts, spectra, angle = state.counts, state.spectra, state.angle
+    _transform_fold(state)
+    _move(state, lowest, memory)
+    _renew(state)
+
+
+@njit(**OPTIONS)
+def _transform_fold(state):
+    """Fourier coefficients of the fold: of its points with an even number, and those with an odd one, at once."""
+    fold, work = state.fold, state.work
+    for k in range(fold.shape[0] // 2):
+        work[0, k], work[1, k] = fold[2 * k], fold[2 * k + 1]
+    re, im = as_lanes(work[0], 1), as_lanes(work[1], 1)
+    real_transform(re, im, as_lanes(work[2], 1), as_lanes(work[3], 1), state.turns)
+    for order in range(state.coefficients.shape[0]):
+        state.coefficients[order] = complex(work[0, order], work[1, order])
+
+
+@njit(**OPTIONS)
+def _move(state, lowest, memory):
+    """Move the amplitudes, and fill in the spectra of the next tables."""
+    counts, coefficients, spectra, angle = state.counts, state.coefficients, state.spectra, state.angle
     folded, points = counts[FOLDED], state.fold.shape[0]
     counts[LEARNED] += 1
     rate = min(1.0, max(1.0 / counts[LEARNED], folded / memory))
@@ -350,12 +390,23 @@ def _jump(coefficients, state, louder):
 
 
 @njit(**OPTIONS)
-def renew(tables, state):
-    """Put tables of shape (2, points) in place of the old ones."""
-    points = tables.shape[1]
-    for row in range(2):
-        state.tables[row, 0] = tables[row, points - 1]
+def _renew(state):
+    """Make both tables from their spectra: real and imaginary part of one complex transform.
+
+    That goes backwards, which it does forwards with real and imaginary parts exchanged.
+    """
+    spectra, tables, work = state.spectra, state.tables, state.work
+    points = state.fold.shape[0]
+    work[:2] = 0.0
+    for order in range(1, spectra.shape[1]):
+        signal, weighted = spectra[SIGNAL, order] / points, spectra[WEIGHTED, order] / points
+        work[0, order], work[1, order] = signal.imag + weighted.real, signal.real - weighted.imag
+        work[0, points - order], work[1, points - order] = weighted.real - signal.imag, signal.real + weighted.imag
+    re, im = as_lanes(work[0], 1), as_lanes(work[1], 1)
+    there = transform(re, im, as_lanes(work[2], 1), as_lanes(work[3], 1), points, state.turns)
+    for row, part in ((SIGNAL, 3 if there else 1), (WEIGHTED, 2 if there else 0)):
+        tables[row, 0] = work[part, points - 1]
         for i in range(points):
-            state.tables[row, 1 + i] = tables[row, i]
+            tables[row, 1 + i] = work[part, i]
         for i in range(2):
-            state.tables[row, 1 + points + i] = tables[row, i]
+            tables[row, 1 + points + i] = work[part, i]

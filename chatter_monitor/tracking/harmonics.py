@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 from chatter_monitor.kernels import orders as kernel
 from chatter_monitor.kernels.binding import bound
@@ -23,14 +22,10 @@ HIGHEST = 0.49  # of the sample rate
 
 
 @cache
-def _bound() -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
-    """`subtract`, `learn` and `renew`, bound to their types, which those of all series are."""
+def _bound() -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """`subtract` and `learn`, bound to their types, which those of all series are."""
     samples, state = np.zeros(1), kernel.new_state(1, 1.0, 1.0, (1.0, 1.0))
-    return (
-        bound(kernel.subtract, samples, state, 1.0, samples),
-        bound(kernel.learn, state.spectra[0], state, 1, 1.0),
-        bound(kernel.renew, state.tables, state),
-    )
+    return bound(kernel.subtract, samples, state, 1.0, samples), bound(kernel.learn, state, 1, 1.0)
 
 
 class Harmonics:
@@ -59,7 +54,7 @@ class Harmonics:
         orders = min(kernel.MOST_ORDERS, math.floor(HIGHEST * sample_rate_hz / rotation_hz))
         self._state = kernel.new_state(orders, speed, self._speed(rotation_sd_hz), (drift[0], drift[1]))
         self._corner = self._speed(lowest_hz / 2.0)  # its phase at the lowest harmonic does not matter yet
-        self._subtract, self._learn, self._renew = _bound()
+        self._subtract, self._learn = _bound()
 
     def _speed(self, rotation_hz: float) -> float:
         return 2.0 * math.pi * rotation_hz / self._rate_hz
@@ -83,8 +78,7 @@ class Harmonics:
         state = self._state
         if state.angle[kernel.TURNED] < 2.0 * math.pi or not state.counts[kernel.FOLDED]:
             return
-        self._learn(fft.rfft(state.fold), state, self._lowest, self._memory)
-        self._renew(fft.irfft(state.spectra, axis=1), state)
+        self._learn(state, self._lowest, self._memory)
 
     def clear(self) -> NDArray[np.int64]:
         """Orders that are steady beyond doubt."""

@@ -133,14 +133,42 @@ def test_it_is_its_naive_twin():
         expected = np.concatenate([twin.tile(tile) for tile in frame.reshape(-1, orders.TILE)])
         np.testing.assert_allclose(out, expected, atol=0.02)
         if state.angle[orders.TURNED] >= TWO_PI:
-            orders.learn(np.fft.rfft(state.fold), state, 1, MEMORY)
-            orders.renew(np.fft.irfft(state.spectra, axis=1), state)
+            orders.learn(state, 1, MEMORY)
         twin.learn()
         assert state.angle[orders.SPEED] == pytest.approx(twin.state[1], rel=1e-4)
     np.testing.assert_allclose(state.real + 1j * state.imag, twin.amplitude, atol=0.01)
     assert set(np.flatnonzero(state.gate == 1)) == set(np.flatnonzero(twin.gate == 1)) == {0, 1, 4, 5, 10}
     assert twin.jumps == 1  # which has been tried
     assert np.std(out) < 0.33  # the noise
+
+
+@pytest.mark.parametrize("count", [1, 2, 6, 43, 256])
+def test_its_transforms_are_those_of_numpy(count):
+    """Of the fold into amplitudes, and from their spectra into tables that go once around and a little farther."""
+    rng = np.random.default_rng(count)
+    state = orders.new_state(count, 0.02, 1e-4, DRIFT)
+    points = state.fold.size
+    angles = np.arange(points) * TWO_PI / points
+    signal = sum(np.cos(order * angles + order) for order in range(1, count + 1))
+    for _ in range(40):  # so often that all of them are steady
+        fold = signal + 0.1 * rng.standard_normal(points)
+        state.fold[:] = fold
+        state.counts[orders.FOLDED] = points
+        told = state.gate.copy(), state.real + 1j * state.imag
+        orders.learn(state, 1, MEMORY)
+        if not told[0].any():  # nothing is taken out yet, and no harmonic turns with the others
+            part = np.pi * np.arange(1, count + 1) / points
+            heard = 2.0 / points * (part / np.sin(part)) ** 2 * np.fft.rfft(fold)[1 : count + 1]
+            np.testing.assert_allclose(state.coefficients[1:], heard - told[1], atol=1e-12)
+    assert not state.fold.any()
+    assert state.spectra[:, 1:].all()
+    spectra = np.zeros((2, points // 2 + 1), np.complex128)
+    spectra[:, : count + 1] = state.spectra
+    tables = np.fft.irfft(spectra, axis=1)
+    scale = abs(tables).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(state.tables[:, 1 : points + 1] / scale, tables / scale, atol=1e-12)
+    np.testing.assert_array_equal(state.tables[:, 0], state.tables[:, points])
+    np.testing.assert_array_equal(state.tables[:, points + 1 :], state.tables[:, 1:3])
 
 
 def test_its_standard_deviation_of_the_speed_is_honest():
@@ -151,8 +179,7 @@ def test_its_standard_deviation_of_the_speed_is_honest():
     out, inside = np.empty(FRAME), []
     for first in range(0, len(samples) - FRAME, FRAME):
         orders.subtract(samples[first : first + FRAME], state, CORNER, out)
-        orders.learn(np.fft.rfft(state.fold), state, 1, MEMORY)
-        orders.renew(np.fft.irfft(state.spectra, axis=1), state)
+        orders.learn(state, 1, MEMORY)
         middle = first + FRAME + orders.TILE // 2  # of the tile to come
         true = (angle[min(middle + 32, len(angle) - 1)] - angle[middle - 32]) / 64
         inside.append(abs(state.angle[orders.SPEED] - true) < 2 * math.sqrt(state.angle[orders.SPEED_VAR]))
