@@ -393,20 +393,32 @@ def _jump(coefficients, state, louder):
 def _renew(state):
     """Make both tables from their spectra: real and imaginary part of one complex transform.
 
-    That goes backwards, which it does forwards with real and imaginary parts exchanged.
+    That goes backwards, which it does forwards with real and imaginary parts exchanged. Both parts have to be about as
+    large, or the smaller one would be lost in the rounding of the other.
     """
     spectra, tables, work = state.spectra, state.tables, state.work
     points = state.fold.shape[0]
+    signal_size, weighted_size = _size(spectra[SIGNAL]), _size(spectra[WEIGHTED])
+    scale = 2.0 ** round(math.log2(signal_size / weighted_size)) if 0.0 < weighted_size < math.inf else 1.0
     work[:2] = 0.0
     for order in range(1, spectra.shape[1]):
-        signal, weighted = spectra[SIGNAL, order] / points, spectra[WEIGHTED, order] / points
+        signal, weighted = spectra[SIGNAL, order] / points, spectra[WEIGHTED, order] * (scale / points)
         work[0, order], work[1, order] = signal.imag + weighted.real, signal.real - weighted.imag
         work[0, points - order], work[1, points - order] = weighted.real - signal.imag, signal.real + weighted.imag
     re, im = as_lanes(work[0], 1), as_lanes(work[1], 1)
     there = transform(re, im, as_lanes(work[2], 1), as_lanes(work[3], 1), points, state.turns)
-    for row, part in ((SIGNAL, 3 if there else 1), (WEIGHTED, 2 if there else 0)):
-        tables[row, 0] = work[part, points - 1]
+    for row, part, share in ((SIGNAL, 3 if there else 1, 1.0), (WEIGHTED, 2 if there else 0, 1.0 / scale)):
+        tables[row, 0] = work[part, points - 1] * share
         for i in range(points):
-            tables[row, 1 + i] = work[part, i]
+            tables[row, 1 + i] = work[part, i] * share
         for i in range(2):
-            tables[row, 1 + points + i] = work[part, i]
+            tables[row, 1 + points + i] = work[part, i] * share
+
+
+@njit(**OPTIONS)
+def _size(spectrum):
+    """Size of the largest number of a spectrum, to a factor of the square root of two."""
+    size = 0.0
+    for order in range(spectrum.shape[0]):
+        size = max(size, abs(spectrum[order].real) + abs(spectrum[order].imag))
+    return size

@@ -187,7 +187,8 @@ class Judge:
         suspect = _grown_suspect(told, unheard=orders.spindle_unheard)
         calm = told.overview.suspicion < self._settings.warning_probability
         odds = 0.0 if suspect is None else suspect.self_excited / max(1.0 - suspect.self_excited, 1e-6)
-        without_line = self._without_line(evidence, calm=memory.calm and not alarm)
+        goes_on_hz = memory.alarm_hz if memory.since_alarm == 0.0 else None
+        without_line = self._without_line(evidence, goes_on_hz, calm=memory.calm and not alarm)
         heard = evidence.power, evidence.turning, orders.repeating_share
         loud = self._loudness.hear(
             *heard,
@@ -205,8 +206,11 @@ class Judge:
         why = (reasons.still_loud(rise) if suspect is None else reasons.loud(suspect, rise),)
         return Opinion("self_excited", 1.0, why, hertz=memory.alarm_hz) if about is None else alarm_about(about, why)
 
-    def _without_line(self, evidence: Evidence, *, calm: bool) -> Opinion | None:
-        """An alarm that is about no line that was seen to rise: where no line is coherent, one may chatter yet."""
+    def _without_line(self, evidence: Evidence, goes_on_hz: float | None, *, calm: bool) -> Opinion | None:
+        """An alarm that is about no line that was seen to rise: where no line is coherent, one may chatter yet.
+
+        If one goes on at a frequency, it keeps that while nothing else is heard in the same band or beside it.
+        """
         power, orders, vibrations = evidence.rms**2, evidence.orders, evidence.vibrations
         turning = orders.recurring_share, orders.repeating_share, orders.rotation_hz
         times = self._irregularity.hear(power, *turning, calm=calm, turns=orders.rotation_heard)
@@ -215,7 +219,9 @@ class Judge:
         if new is not None:
             why = reasons.new(new, within=self._earlier.within)
             # in that band or beside it, or it is about no line
-            return Opinion("self_excited", 1.0, (why,), vibrations.nearest(new.hertz, BAND_HZ), hertz=new.hertz)
+            nearest = vibrations.nearest(new.hertz, BAND_HZ)
+            same = goes_on_hz is not None and abs(goes_on_hz - new.hertz) <= BAND_HZ
+            return Opinion("self_excited", 1.0, (why,), nearest, hertz=goes_on_hz if same else new.hertz)
         if rise > 0.0 and evidence.cycle is not None:
             nearest = vibrations.nearest(evidence.cycle.frequency_hz)
             hertz = evidence.cycle.frequency_hz if nearest is None else nearest.line.frequency_hz

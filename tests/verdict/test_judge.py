@@ -433,7 +433,12 @@ def test_power_that_is_new_in_the_same_cut_is_an_alarm_and_is_called_by_its_line
     assert why.startswith(f"{same}, but 8")
     assert why.endswith(" % of the power is new, most of it at 738 Hz")
     assert "self_excited" not in states(*calm, *passing(3.0 * teeth() + 0.9 * noise(3), line), *air)
-    elsewhere = judged(*calm, *passing(teeth() + 0.3 * noise(3) + 4.0 * tone(CHATTER_HZ), steady(2000.0)), *air)
+    chatters = teeth() + 0.3 * noise(3) + 4.0 * tone(CHATTER_HZ)
+    unheard = judged(*calm, *passing(chatters, line)[:40], *passing(chatters)[40:], *air)  # its line, for a second
+    alarms = [verdict for verdict in unheard if verdict.state == "self_excited"]
+    assert len(alarms) >= 48
+    assert {verdict.frequency_hz for verdict in alarms} == {CHATTER_HZ}
+    elsewhere = judged(*calm, *passing(chatters, steady(2000.0)), *air)
     alarms = [verdict for verdict in elsewhere if verdict.state == "self_excited"]
     assert {verdict.frequency_hz for verdict in alarms} == {737.5}  # middle of the band
     assert {verdict.damping_ratio for verdict in alarms} == {None}
