@@ -394,12 +394,13 @@ def _renew(state):
     """Make both tables from their spectra: real and imaginary part of one complex transform.
 
     That goes backwards, which it does forwards with real and imaginary parts exchanged. Both parts have to be about as
-    large, or the smaller one would be lost in the rounding of the other.
+    large, or the smaller one would be lost in the rounding of the other; and nothing has to stay nothing.
     """
     spectra, tables, work = state.spectra, state.tables, state.work
     points = state.fold.shape[0]
     signal_size, weighted_size = _size(spectra[SIGNAL]), _size(spectra[WEIGHTED])
-    scale = 2.0 ** round(math.log2(signal_size / weighted_size)) if 0.0 < weighted_size < math.inf else 1.0
+    scale = 2.0 ** round(math.log2(signal_size / weighted_size)) if 0.0 < weighted_size < math.inf else 0.0
+    unscale = 1.0 / scale if scale > 0.0 else 0.0
     work[:2] = 0.0
     for order in range(1, spectra.shape[1]):
         signal, weighted = spectra[SIGNAL, order] / points, spectra[WEIGHTED, order] * (scale / points)
@@ -407,7 +408,7 @@ def _renew(state):
         work[0, points - order], work[1, points - order] = weighted.real - signal.imag, signal.real + weighted.imag
     re, im = as_lanes(work[0], 1), as_lanes(work[1], 1)
     there = transform(re, im, as_lanes(work[2], 1), as_lanes(work[3], 1), points, state.turns)
-    for row, part, share in ((SIGNAL, 3 if there else 1, 1.0), (WEIGHTED, 2 if there else 0, 1.0 / scale)):
+    for row, part, share in ((SIGNAL, 3 if there else 1, 1.0), (WEIGHTED, 2 if there else 0, unscale)):
         tables[row, 0] = work[part, points - 1] * share
         for i in range(points):
             tables[row, 1 + i] = work[part, i] * share

@@ -175,6 +175,24 @@ def test_its_transforms_are_those_of_numpy(count, gain):
     np.testing.assert_array_equal(state.tables[:, points + 1 :], state.tables[:, 1:3])
 
 
+def test_nothing_steers_the_angle_before_a_harmonic_is_steady_beyond_doubt():
+    """The table that tells by how much the angle is off is empty then, to the last bit: the other one is not."""
+    rng = np.random.default_rng(1)
+    state = orders.new_state(6, 0.02, 1e-4, DRIFT)
+    points = state.fold.size
+    signal = np.cos(3 * np.arange(points) * TWO_PI / points)
+    doubtful = 0
+    for _ in range(40):
+        state.fold[:] = signal + 2.0 * rng.standard_normal(points)
+        state.counts[orders.FOLDED] = points
+        orders.learn(state, 1, MEMORY)
+        if 0.0 < state.gate.max() < 1.0:
+            doubtful += 1
+            assert state.tables[orders.SIGNAL].any()
+            assert not state.tables[orders.WEIGHTED].any()
+    assert doubtful
+
+
 def test_its_standard_deviation_of_the_speed_is_honest():
     """The speed is within two of its standard deviations in 85 to 100 % of the frames of a swinging speed."""
     samples, angle = wandering_comb(8.0, seed=2)
