@@ -2,10 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 
+from benchmarks.verdict.cut import INTERVAL_SAMPLES
 from benchmarks.verdict.generator import cut
-from benchmarks.verdict.margin import Told, summary, told_of
+from benchmarks.verdict.margin import Told, in_passes, summary, told_of
 
 
 def told(ratio, true_ratio, half=0.1, damping=0.01):
@@ -29,3 +31,15 @@ def test_a_cut_is_heard_through_the_whole_channel():
     assert heard.low < heard.true_ratio < heard.high
     assert abs(heard.error) < 0.15
     assert math.isfinite(heard.damping)
+
+
+def test_in_passes_a_second_before_the_tool_leaves_is_compared():
+    """Each of 6 s, with 2 s of air after it in which the room is heard, 34 dB below the cut."""
+    made = cut("development", 434)
+    samples, compared = in_passes(made)
+    rms = np.sqrt((samples.reshape(-1, INTERVAL_SAMPLES) ** 2).mean(axis=1)) / np.std(made.samples)
+    assert rms.size == compared.size == 160 * (made.samples.size // (120 * INTERVAL_SAMPLES))
+    for first in range(0, rms.size, 160):
+        assert set(np.flatnonzero(compared[first : first + 160])) == set(range(98, 118))
+        assert rms[first + 2 : first + 118].min() > 0.3
+        assert rms[first + 120 : first + 160] == pytest.approx(0.02, rel=0.2)

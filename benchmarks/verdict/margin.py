@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
-from benchmarks.verdict.cut import INTERVAL_S, RATE_HZ, Cut
+from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, Cut
 from benchmarks.verdict.generator import cut, family_of
 from benchmarks.verdict.shift import enter_and_leave
 from chatter_monitor.tracking.channel import Channel
@@ -27,13 +27,14 @@ from chatter_monitor.tracking.spindle import SpindleSettings
 from chatter_monitor.tracking.tracker import TrackerSettings
 
 LAST = round(5.0 / INTERVAL_S)  # intervals that are compared
+# A pass, the air after it, the part of a pass that is compared, and what comes after that.
 PASS_S, AIR_S, LATE_S, LEAVING_S = 6.0, 2.0, 1.0, 0.1
-ROOM = 0.02  # of the root mean square of the cut
+ROOM = 0.02  # noise of it, over the root mean square of the cut
 LEAST = 0.3  # of the intervals that are compared with a margin
 FAMILY = "stable"
+WORST = 5  # cuts that are shown
 
 Floats = NDArray[np.float64]
-WORST = 5  # cuts that are shown
 
 
 @dataclass(frozen=True)
@@ -70,10 +71,10 @@ def in_passes(made: Cut) -> tuple[Floats, NDArray[np.bool_]]:
     """A cut in passes with air between, and which of its intervals are late in a pass."""
     rng = np.random.default_rng(made.samples.size)
     whole, between, late, leaving = (round(span_s / INTERVAL_S) for span_s in (PASS_S, AIR_S, LATE_S, LEAVING_S))
-    size = round(INTERVAL_S * RATE_HZ)
-    air = np.zeros(between * size)
-    passes = made.samples[: made.samples.size // (whole * size) * whole * size].reshape(-1, whole * size)
-    samples = np.concatenate([np.concatenate([enter_and_leave(rng, each), air]) for each in passes])
+    air = np.zeros(between * INTERVAL_SAMPLES)
+    length = whole * INTERVAL_SAMPLES
+    passes = made.samples[: made.samples.size // length * length].reshape(-1, length)
+    samples = np.concatenate([part for each in passes for part in (enter_and_leave(rng, each), air)])
     compared = np.zeros(whole + between, np.bool_)
     compared[whole - leaving - late : whole - leaving] = True
     room = ROOM * float(np.std(made.samples)) * rng.standard_normal(samples.size)
@@ -132,7 +133,7 @@ def main() -> None:
     parser.add_argument("--split", choices=("development", "report"), default="development")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--cuts", type=int, default=600, help="of these one in 15 counts (default 600)")
-    parser.add_argument("--passes", action="store_true", help="with air between passes of 6 s")
+    parser.add_argument("--passes", action="store_true", help=f"with air between passes of {PASS_S:g} s")
     chosen = parser.parse_args()
     of_all = range(chosen.first, chosen.first + chosen.cuts)
     numbers = [number for number in of_all if family_of(number) == FAMILY]

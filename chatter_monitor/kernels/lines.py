@@ -32,7 +32,7 @@ from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.prominence import TINY, crest, most_prominent, recent_power, share, stand_out
 from chatter_monitor.kernels.rarma import LARGEST_SAMPLE
 from chatter_monitor.kernels.rise import arrival, compared, line_rise, news, power_rise
-from chatter_monitor.kernels.transform import real_transform
+from chatter_monitor.kernels.transform import new_turns, real_transform
 
 # A line that stands out neither twice nor half as much as before (natural logarithm of the amplitude).
 AS_BEFORE = 0.7
@@ -130,7 +130,7 @@ def new_state(window: np.ndarray, interval: int, hops: int, frames: int) -> Line
         stretches=np.zeros((4, bins, FRAME_HOPS)),
         spectra=np.zeros((bins, hops), np.complex128),
         valid=np.zeros(hops, np.bool_),
-        turns=np.exp(-2j * np.pi * np.arange(points) / points),
+        turns=new_turns(points),
         power=np.zeros(bins),
         reliefs=np.zeros((bins, frames)),
         powers=np.zeros((bins, frames)),

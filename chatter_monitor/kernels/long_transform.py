@@ -14,7 +14,7 @@ from numba import njit
 
 from chatter_monitor.kernels.lanes import as_lanes, fma
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.transform import transform
+from chatter_monitor.kernels.transform import new_turns, transform
 
 LEAST_POINTS = 512
 LANES = 8
@@ -40,9 +40,8 @@ class Tables(NamedTuple):
 
 def new_tables(points: int) -> Tables:
     """Tables for a signal of so many points, a power of two from `LEAST_POINTS` on."""
-    whole = np.exp(-2j * np.pi * np.arange(points // 2) / points)
-    parts = np.exp(-2j * np.pi * np.arange(points // 16) / (points // 16))
-    return Tables(parts, whole.real.copy(), whole.imag.copy())
+    whole = new_turns(points)[: points // 2]
+    return Tables(new_turns(points // 16), whole.real.copy(), whole.imag.copy())
 
 
 def new_work(points: int) -> np.ndarray:

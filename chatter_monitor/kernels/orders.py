@@ -17,7 +17,7 @@ from numba import njit
 from chatter_monitor.kernels.lanes import as_lanes
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.polynomial import cubic
-from chatter_monitor.kernels.transform import real_transform, transform
+from chatter_monitor.kernels.transform import new_turns, real_transform, transform
 
 TILE = 64  # samples
 MOST_ORDERS = 256
@@ -111,8 +111,8 @@ class OrderState(NamedTuple):
 
 @cache
 def _turns(points: int) -> np.ndarray:
-    """Powers of exp(-2 pi i / points), shared by all series of so many points."""
-    turns: np.ndarray = np.exp(-2j * np.pi * np.arange(points) / points)
+    """Shared by all series of so many points."""
+    turns = new_turns(points)
     turns.flags.writeable = False
     return turns
 

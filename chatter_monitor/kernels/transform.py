@@ -5,10 +5,17 @@ half its length; that goes through Stockham's passes, four parts at a time, afte
 (Van Loan, Computational Frameworks for the Fast Fourier Transform, 1992, sections 1.7 and 2.4).
 """
 
+import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.lanes import fma
 from chatter_monitor.kernels.options import OPTIONS
+
+
+def new_turns(points: int) -> np.ndarray:
+    """Powers of exp(-2 pi i / points), shape (points,)."""
+    turns: np.ndarray = np.exp(-2j * np.pi * np.arange(points) / points)
+    return turns
 
 
 @njit(**OPTIONS)

@@ -87,7 +87,8 @@ class BackEnd:
         # One stage after the other over all frames of a block, so that each finds its code and data in the cache.
         lines = [lines_of(self._spectrum, odp, turned) for odp, turned in tracked]
         margins = [
-            self._margin_of(odp, turned, cutting=told[1]) for (odp, turned), told in zip(tracked, lines, strict=True)
+            self._margin_of(odp, turned, cutting=cutting)
+            for (odp, turned), (_, cutting, *_) in zip(tracked, lines, strict=True)
         ]
         for (odp, turned), told, margin in zip(tracked, lines, margins, strict=True):
             found, cutting, entering, alone, grown, cycle = told

@@ -110,10 +110,10 @@ class Judge:
             self._rest(forget=evidence.alone or by_tool)
             repeating = repeating_share(evidence.orders, Told())
             since_alarm = math.inf if by_tool else memory.since_alarm
-            self._to_renew = 0 if by_tool else self._to_renew
             memory = memory._replace(told=Told(), repeating=repeating, forced_share=repeating, since_alarm=since_alarm)
             view = entering(memory, settings)
             if by_tool:
+                self._to_renew = 0
                 view = view._replace(reasons=(reasons.CAME_WITH_TOOL, *view.reasons))
         else:
             self._earlier.cut(evidence.orders.spectrum, power, _heard_hz(evidence.orders), calm=memory.calm)
