@@ -215,6 +215,7 @@ class NaiveVibration:
     glides: list[bool] = field(default_factory=list)
     rise: float = 0.0
     on_order: float = np.nan  # where it was on one last
+    calm: float = -np.inf
 
     @property
     def self_excited(self) -> float:
@@ -281,8 +282,13 @@ class NaiveVibration:
         self.over, self.own = (0 if alarm else self.over + 1), (0 if alarm and not self.recalled else self.own + 1)
         self.chattered = alarm or (self.chattered and self.own < vibrations.FORGOTTEN_CHATTER)
         self.told *= not self.chattered
+        if line is not None and self.alarm_for == 1 and not self.recalled:
+            self.calm = self.amplitude(line) - rise if rise >= 0.8 else -np.inf  # of the amplitude, as a logarithm
         if before and not alarm and risen < 0.5:
             self.kinds = np.array(vibrations.CALMED)
+
+    def amplitude(self, line: np.void) -> float:
+        return 0.5 * math.log(line["share"] * line["power"])
 
     def follow_frequency(self) -> None:
         if not self.heard:
@@ -309,7 +315,8 @@ class NaiveVibration:
         if line["growth"] >= (0.25 if self.chattered else 0.5):
             return np.array([CONVINCING, CONVINCING, -CONVINCING])
         fallen = [rise for rise in (line["absolute_rise"], line["long_rise"]) if rise < vibrations.DIED_DOWN]
-        if self.chattered and fallen and line["absolute_rise"] < 0.0:
+        calm_again = self.amplitude(line) < self.calm + (0.0 if self.alarm_for else 0.4)
+        if self.chattered and ((fallen and line["absolute_rise"] < 0.0) or calm_again):
             return np.full(3, -CONVINCING)
         growth, calm = np.clip(weights @ [*measures(line), 1.0], -CONVINCING, CONVINCING)
         calm = CONVINCING if line["carrier"] else calm

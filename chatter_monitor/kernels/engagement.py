@@ -53,6 +53,8 @@ LEAP, AT_ONCE = 12.0 * DECIBEL, 2
 LOUD = 0.2
 # What grows alone has most of what is so much louder by then.
 MOST = 0.6
+# A line that is alone has so much.
+NEARLY_ALL = 0.9
 # How near to a multiple of another a line is one, in bins, as a frame tells; and how far the other has to stand out.
 MULTIPLE, FUNDAMENTAL = 0.12, 12.0 * DECIBEL
 # An idle machine may ring, too, but so far below its cut.
@@ -72,13 +74,15 @@ STILL, ENTERING, LONGEST = 1.5 * DECIBEL, 3, 20
 # before. Of both once more with what turns.
 LEVEL, LIMIT, CUT, ENTERED, SINCE, ALIKE, ALONE, RESIDUAL, WHOLE, WHOLE_LIMIT, LIGHTEST = range(11)
 WHOLE_LIGHTEST, WHOLE_CUT = range(11, 13)
+# And whether what stood out most when the tool seemed to enter had been a mode before.
+FAMILIAR = 13
 
 
 def new_air():
     """Nothing is known of it; the tool is in the cut."""
-    air = np.full(WHOLE_CUT + 1, -math.inf)
+    air = np.full(FAMILIAR + 1, -math.inf)
     air[[SINCE, WHOLE_LIMIT, LIGHTEST, WHOLE_LIGHTEST]] = math.inf
-    air[ENTERED], air[ALIKE], air[ALONE] = LONGEST, 0.0, 0.0
+    air[ENTERED], air[ALIKE], air[ALONE], air[FAMILIAR] = LONGEST, 0.0, 0.0, 0.0
     return air
 
 
@@ -123,6 +127,8 @@ class Signs(NamedTuple):
         Whether several lines have come (`are_several`).
     quiet : bool
         Whether nothing was heard above the noise before that, but for a steady tone.
+    largest : float
+        Share of the power of the line that stands out most.
     """
 
     fainter: bool
@@ -132,6 +138,7 @@ class Signs(NamedTuple):
     familiar: bool
     several: bool
     quiet: bool
+    largest: float
 
 
 @njit(**OPTIONS)
@@ -144,7 +151,7 @@ def engaged(rings, signs, head, air, scratch):
     signs : Signs
     head : int
         Column of the rings after the newest, counted from the start without wrapping.
-    air : ndarray of float64, shape (13,)
+    air : ndarray of float64, shape (14,)
         What is known of the air, changed in place.
     scratch : ndarray, shape (>= BEFORE,)
         Work space.
@@ -178,6 +185,7 @@ def engaged(rings, signs, head, air, scratch):
             _leave(rings, fell_between, fell_between or only_noise, head, alike, air, scratch)
         elif air[ENTERED] >= LONGEST:
             out = _enters(rings, signs, whole_before, head, air, scratch)
+            air[FAMILIAR] = signs.familiar
     elif gone:
         fell_between = _fallen(levels, head, head, scratch)
         out = fell_between or noise
@@ -191,8 +199,9 @@ def engaged(rings, signs, head, air, scratch):
     air[SINCE] += 1.0
     if air[ENTERED] < LONGEST:
         air[ENTERED] += 1.0
-        first = air[LEVEL] == -math.inf
-        if first and _goes_on(levels, rings.crests, _before(levels, head, air[ALIKE], scratch), head):
+        first, before = air[LEVEL] == -math.inf, _before(levels, head, air[ALIKE], scratch)
+        alone = air[FAMILIAR] and signs.largest >= NEARLY_ALL and air[ENTERED] >= ENTERING
+        if first and (_goes_on(levels, rings.crests, before, head) or (alone and _no_noise_came(rings, before, head))):
             air[ENTERED], air[SINCE], air[ALIKE] = LONGEST, math.inf, 0.0
             return True
         rises = level - levels[(head - 1 - ENTERING) % columns] > STILL
@@ -283,6 +292,16 @@ def _goes_on(levels, crests, before, head):
         return False
     first, second = crests[last] - crests[then], crests[now] - crests[last]
     return STILL <= first <= second and first + second >= GOES_ON
+
+
+@njit(**OPTIONS)
+def _no_noise_came(rings, before, head):
+    """Whether all is as loud between the lines as before, beyond what a lone line lifts, and that does not die down."""
+    columns = rings.levels.shape[0]
+    now, last, then = (head - 1) % columns, (head - 2) % columns, (head - 3) % columns
+    stays = rings.powers[now] >= max(rings.powers[last], rings.powers[then]) - STILL
+    crest = rings.crests[now]
+    return stays and crest < math.inf and rings.levels[now] - before < max(FALL, LONE * crest)
 
 
 @njit(**OPTIONS)

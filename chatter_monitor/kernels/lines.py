@@ -79,7 +79,7 @@ class LineState(NamedTuple):
         that repeats.
     cutting : ndarray of bool, shape (frames,)
         Whether the tool was in the cut in each frame.
-    air : ndarray of float64, shape (13,)
+    air : ndarray of float64, shape (14,)
         What is known of the air (`kernels.engagement`).
     counts : ndarray of int64, shape (6,)
     sums : ndarray of float64, shape (bins + 1,)
@@ -263,7 +263,8 @@ def _follow(hop, lowest, turns, whole, repeating, fainter, state, peaks, measure
     counts[GROWN] = mode
     several = are_several(relief, power, total, peaks[:count])
     pump = is_pump(reliefs, state.powers, state.crests, lowest, counts[FRAMES])
-    signs = Signs(fainter, pump, leapt, beside, familiar, several, quiet)
+    largest = share(power, total, peaks[0]) if count > 0 else 0.0
+    signs = Signs(fainter, pump, leapt, beside, familiar, several, quiet, largest)
     state.cutting[column] = engaged(rings, signs, counts[FRAMES], state.air, state.scratch)
     clock = counts[TAKEN], counts[FRAMES], counts[SAMPLES], hop
     ring = spectra, state.valid, state.powers, state.totals

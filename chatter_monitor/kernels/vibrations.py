@@ -44,6 +44,9 @@ ARRIVED = 20
 # A vibration is over when its amplitude has fallen below half of what it was for seconds (natural logarithm), in itself
 # or, if it is fainter at all, beyond its surroundings: that of a saturated one does not, whatever its damping reads.
 DIED_DOWN = -0.7
+# Nor does it chatter with no more power than before it rose to the alarm; another alarm takes so many times that, half
+# of what the first one took (logarithm).
+AGAIN = math.exp(LOUDER)
 
 # Chatter takes the power: what has risen and takes less than so much of it is hardly ever chatter.
 SUSPECT_SHARE = 0.2
@@ -55,6 +58,12 @@ MULTIPLES, MULTIPLE_HZ, SURELY_STEADY = 8, 1.5, 0.9
 CARRIED_HZ, LASTED, NEARLY_ALWAYS = 0.7, 5, 0.6
 # Weight of an interval in the average of how often it was.
 OFTEN = 0.2
+# And it is forced when it has nearly always had so many relatives that are rather steady than not, multiples of it or
+# what it is a multiple of, until it got louder, still has them, and is where it was: all of a force gets louder.
+FAMILY, RATHER_STEADY = 2, 0.5
+# What is so far from where it was steady, relatively and in Hz, is something else if no spindle has taken it along; and
+# weight of an interval in the average of that place.
+LEFT, LEFT_HZ, SLOWLY = 0.01, 2.0, 0.05
 # Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
 FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
 # Of a vibration that has chattered and does no more.
@@ -119,6 +128,9 @@ VIBRATION = np.dtype(
         ("glide", float),  # by how much that changes in an interval
         ("jitter", float),  # mean square by which the filter misses
         ("gliding", np.int64),  # intervals in a row in which it has glided
+        ("stood_hz", float),  # where it was steady last, averaged; 0 before
+        ("family", float),  # how often it was one of a family of steady lines until it rose, averaged
+        ("calm", float),  # its power before it rose to the last alarm about it; 0 where that is not known
         ("carried", float),  # how often it was a multiple of a line with less of the power until it rose, averaged
         ("glided", np.int64),  # intervals for which that counts yet
     ],
@@ -194,6 +206,8 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
             _unheard(vibration, rules)
         else:
             line = lines[vibration.line]
+            if rules.unheard and _has_left(vibration, line):
+                line.order_odds = max(line.order_odds, rules.odds.unknown_speed)
             if rules.unheard or line.order_odds == rules.odds.unknown_speed:
                 line.order_odds = min(line.order_odds, _multiple_odds(vibration, line, vibrations[:known], lines))
             _heard(vibration, line, rules, weights)
@@ -297,6 +311,7 @@ def _begin(vibration, line):
     vibration.dispersion = 0.0
     vibration.place = math.log(line.frequency_hz)
     vibration.on_order = math.nan
+    vibration.stood_hz = vibration.family = vibration.calm = 0.0
     vibration.glide = vibration.jitter = vibration.carried = 0.0
     vibration.gliding = vibration.glided = 0
 
@@ -311,11 +326,18 @@ def _multiple_odds(vibration, line, vibrations, lines):
     """
     odds = carried = math.inf
     fainter = False
+    relatives = steady = 0
+    together = 0.0
     for i in range(vibrations.shape[0]):
         other = vibrations[i]
         if other.line == NO_LINE or other.chattered:
             continue
         lower_hz = lines[other.line].frequency_hz
+        related = _related_odds(line.frequency_hz, lower_hz)
+        if related < 0.0:
+            relatives += 1
+            together += related
+            steady += other.steady >= RATHER_STEADY
         times = math.floor(line.frequency_hz / lower_hz + 0.5)
         if not 1 < times <= MULTIPLES:
             continue
@@ -326,9 +348,34 @@ def _multiple_odds(vibration, line, vibrations, lines):
             fainter = True
             if away < CARRIED_HZ:
                 carried = min(carried, _odds_by_chance(by_chance(times, CARRIED_HZ, lower_hz)))
+    if line.absolute_rise < AS_EVER:  # what belongs together rises together, and is steady no more then
+        vibration.family += OFTEN * ((steady >= FAMILY) - vibration.family)
     if fainter and vibration.growing + vibration.saturated < 0.5:
         vibration.carried += OFTEN * ((carried < math.inf) - vibration.carried)
-    return min(odds, carried) if vibration.carried > NEARLY_ALWAYS else odds
+    if vibration.carried > NEARLY_ALWAYS:
+        odds = min(odds, carried)
+    if vibration.family > NEARLY_ALWAYS and relatives >= FAMILY and not _has_left(vibration, line):
+        odds = min(odds, together)
+    return odds
+
+
+@njit(**OPTIONS)
+def _related_odds(hertz, other_hz):
+    """Log odds for self-excitation of what is a multiple of another line or has it as one; 0 where it is neither."""
+    times = math.floor(max(hertz, other_hz) / min(hertz, other_hz) + 0.5)
+    if not 1 < times <= MULTIPLES:
+        return 0.0
+    lower_hz = min(hertz, other_hz)
+    if abs(max(hertz, other_hz) / times - lower_hz) >= CARRIED_HZ:
+        return 0.0
+    return min(_odds_by_chance(by_chance(times, CARRIED_HZ, lower_hz)), 0.0)
+
+
+@njit(**OPTIONS)
+def _has_left(vibration, line):
+    """Whether a line is not where its vibration was steady."""
+    away_hz = abs(line.frequency_hz - vibration.stood_hz)
+    return vibration.stood_hz > 0.0 and vibration.glided == 0 and away_hz > max(LEFT * line.frequency_hz, LEFT_HZ)
 
 
 @njit(**OPTIONS)
@@ -363,6 +410,11 @@ def _heard(vibration, line, rules, weights):
     # of one with sidebands they have the rest
     enough = line.carrier or vibration.dominance >= SUSPECT_SHARE
     _another_interval(vibration, seen, _news(vibration, line, seen), rules, line.arrival > LOUDER, enough)
+    if vibration.alarm_for == 1 and not vibration.recalled:
+        vibration.calm = line.share * line.power * math.exp(-2.0 * rise) if rise >= LOUDER else 0.0
+    if vibration.steady >= SURELY_STEADY:
+        weight = SLOWLY if vibration.stood_hz > 0.0 else 1.0
+        vibration.stood_hz += weight * (line.frequency_hz - vibration.stood_hz)
 
 
 @njit(**OPTIONS)
@@ -463,6 +515,7 @@ def withdraw(vibrations):
 def _unheard(vibration, rules):
     """An interval in which none was."""
     vibration.missed += 1
+    vibration.stood_hz = 0.0
     _another_interval(vibration, NOT_HEARD, 0.0, rules, False, vibration.dominance >= SUSPECT_SHARE)
 
 
@@ -505,7 +558,7 @@ def _likeness(vibration, line, weights):
     """What a line says of its vibration."""
     if line.growth >= (NO_MORE if vibration.chattered else GROWN):
         return REGENERATED
-    if vibration.chattered and _died_down(line):
+    if vibration.chattered and (_died_down(line) or _is_calm(vibration, line)):
         return NOTHING
     seen = likeness(line, weights)
     damping_ratio = coherence_damping(line.coherence, line.frequency_hz)
@@ -521,6 +574,12 @@ def _died_down(line):
     What is louder than it was has not died down, however much more stood out there before: a forced line beside it.
     """
     return line.absolute_rise < DIED_DOWN or (line.absolute_rise < 0.0 and line.long_rise < DIED_DOWN)
+
+
+@njit(**OPTIONS)
+def _is_calm(vibration, line):
+    """Whether a line is no louder than it was before it rose to the alarm, or not enough so for another one."""
+    return line.share * line.power < vibration.calm * (1.0 if vibration.alarm_for > 0 else AGAIN)
 
 
 @njit(**OPTIONS)

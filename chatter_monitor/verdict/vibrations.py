@@ -210,6 +210,7 @@ class Following:
             known[since] += 1
         known["alarm_for"] = 0
         known["dispersion"] = 0.0  # it has not come down by itself
+        known["calm"] = 0.0  # of the next cut that is not known
         known["line"] = NO_LINE
         self._known = len(known)
         self._vibrations[: self._known] = known

@@ -25,6 +25,7 @@ def told(
     familiar=(),
     several=(),
     quiet=(),
+    alone=(),
     repeating=0.0,
     with_comb=(),
 ):
@@ -33,7 +34,7 @@ def told(
     In the frames ``fainter`` most of what is heard goes on, fainter; in the frames ``leapt`` all became louder at once,
     in the frames ``pump`` it did, but for the lines that were there, in the frames ``hums`` nothing stands out but such
     lines, in the frames ``familiar`` a hump has grown, in the frames ``several`` several lines have come, in the frames
-    ``quiet`` nothing had sounded before but noise and a steady tone.
+    ``quiet`` nothing had sounded before but noise and a steady tone, in the frames ``alone`` a line has all power.
     So much of the power repeats, and so loud is the whole where something turns.
     """
     rng = np.random.default_rng(seed)
@@ -60,6 +61,7 @@ def told(
                 familiar=now in familiar,
                 several=now in several,
                 quiet=now in quiet,
+                largest=float(now in alone),
             )
             cutting[column] = engagement.engaged(rings, signs, head, air, np.zeros(columns))
             result.append(bool(cutting[column]))
@@ -385,6 +387,26 @@ def test_a_line_that_goes_on_to_grow_came_with_no_tool(crests, enters):
     assert not any(told(noise, *silent, leapt=(60, 61))[60:63])
     known = told(cut(60), room(60, crest=NOISE), *growing, (20, CUT, CUT + 30.0, crests[-1]))[120:]
     assert not any(known[:3])
+
+
+@pytest.mark.parametrize(
+    ("familiar", "alone", "noise", "falls", "enters"),
+    [
+        (True, True, 3.0, 0.0, False),
+        (False, True, 3.0, 0.0, True),  # no mode had sounded there
+        (True, False, 3.0, 0.0, True),  # it is not alone
+        (True, True, 12.0, 0.0, True),  # noise has come with it
+        (True, True, 3.0, 2.0, True),  # it rings out
+    ],
+)
+def test_a_mode_that_is_all_at_once_far_louder_by_itself_came_with_no_tool(familiar, alone, noise, falls, enters):
+    """Of what grows e-fold in a few milliseconds no growth is seen: it is there, as a tool is that enters."""
+    heard = range(60, 80)
+    louder = [(1, AIR + noise, AIR + 40.0 - falls * i, STANDS_OUT) for i in range(20)]
+    signs = {"leapt": (60, 61), "familiar": heard if familiar else (), "alone": heard if alone else ()}
+    after = told(room(60, crest=NOISE), *louder, **signs)[60:]
+    assert not any(after[:3])
+    assert after[3] is not enters
 
 
 @pytest.mark.parametrize(("louder", "enters"), [(18.0, False), (22.0, True)])

@@ -316,6 +316,23 @@ def test_chatter_is_over_when_it_is_fainter(long_rise, absolute_rise, over):
     assert (told.alarm is None) is over
 
 
+@pytest.mark.parametrize(("times", "again"), [(0.9, False), (1.9, False), (3.0, True)])
+def test_what_is_as_loud_as_before_it_chattered_does_not_chatter(times, again):
+    """When an alarm is over the mode goes on in the noise, as coherent at times as chatter, but no louder than ever."""
+    known = np.zeros(0, VIBRATION)
+    grows, calm = (lines_of(interval(475.0, rising=rising), Odds()) for rising in (True, False))
+    for lines, intervals in ((grows, 20), (calm, 60)):
+        for i in range(intervals):
+            seen = lines.copy()
+            seen["dominance"], seen["order_odds"], seen["power"] = 0.95, 1.3, 1.0
+            if lines is calm:  # for two seconds it is noise, then it looks like something calm
+                seen["power"] = times * math.exp(-2.0 * grows["absolute_rise"][0])
+                seen["coherence"], seen["variation"] = (0.1, 0.5) if i < 40 else (0.99, 0.02)
+            known = followed(known, seen)
+        assert bool(known["chattered"][0])
+        assert (known["alarm_for"][0] > 0) == (lines is grows or again)
+
+
 @pytest.mark.parametrize(
     ("chattered", "over", "risen", "alarm"),
     [
@@ -428,6 +445,49 @@ def test_what_was_noise_for_a_second_has_not_come_with_the_tool(noise, carrier, 
             lines["carrier"] = carrier
         known = followed(known, lines)
     assert bool(known["saturated"][0] > 0.5) is arrives
+
+
+@pytest.mark.parametrize(
+    ("away", "unheard", "alarm"), [(0.0, True, False), (0.005, True, False), (0.02, True, True), (0.02, False, False)]
+)
+def test_what_leaves_the_place_of_a_steady_line_is_not_that_line(away, unheard, alarm):
+    """A told speed that is not heard may be off by as much; that which something steady had cannot be."""
+    known = np.zeros(0, VIBRATION)
+    calm, grows = (lines_of(interval(475.0, rising=rising), Odds()) for rising in (False, True))
+    for lines, at, intervals in ((calm, 1.0, 40), (grows, 1.0 + away, 15)):
+        for _ in range(intervals):
+            seen = lines.copy()
+            seen["order_odds"], seen["dominance"] = -2.3, 0.8
+            seen["frequency_hz"] *= at
+            known = followed(known, seen, RULES._replace(unheard=unheard))
+    assert bool(known["growing"][0] > 0.5)
+    assert bool(known["alarm_for"].any()) is alarm
+
+
+@pytest.mark.parametrize(
+    ("relatives", "away", "alarm"),
+    [
+        ((2.0, 3.0), 0.0, False),
+        ((0.2, 2.0), 0.0, False),
+        ((2.0,), 0.0, True),
+        ((2.1, 3.1), 0.0, True),
+        ((2.0, 3.0), 0.02, True),
+    ],
+)
+def test_what_gets_louder_with_its_family_is_forced(relatives, away, alarm):
+    """Teeth that pass faster than a spindle turns are no comb that is looked for, but their multiples are steady."""
+    known = np.zeros(0, VIBRATION)
+    for i in range(50):
+        louder = 1.0 if i < 30 else 1.0 + away
+        several = [interval(663.0 * louder * times).vibrations[0] for times in (1.0, *relatives)]
+        lines = lines_of(interval(663.0)._replace(vibrations=heard(*several)), Odds())
+        lines["dominance"], lines["order_odds"], lines["power"] = 0.02, Odds().unknown_speed, 1.0
+        lines["dominance"][0] = 0.9
+        for rise in ("rise", "long_rise", "absolute_rise"):
+            lines[rise] = 1.3 if i >= 30 else 0.0
+        lines["variation"] = 0.02
+        known = followed(known, lines)
+    assert (known["alarm_for"][np.abs(known["frequency_hz"] / 663.0 - 1.0) < 0.03] > 0).tolist() == [alarm]
 
 
 @pytest.mark.parametrize(("away", "alarm"), [(0.0, False), (0.004, False), (0.03, True)])
