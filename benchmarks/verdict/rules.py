@@ -99,6 +99,10 @@ RULES = (
     _rule(131, "a lost comb's lines stay", ("kernels.vibrations", "STILL_THERE", -1.0)),
     _rule(131, "a load that jumps is no limit cycle", ("verdict.limit_cycle", "JUMPED", NEVER)),
     _rule(132, "like noise in an alarm", ("kernels.swings", "DISPERSED", NEVER)),
+    _rule(135, "as loud as before it chattered", ("kernels.vibrations", "STILL", 0.0),
+          ("kernels.vibrations", "AGAIN", 0.0)),
+    _rule(135, "louder with its family", ("kernels.vibrations", "FAMILY", 10**9)),
+    _rule(135, "away from where it was steady", ("kernels.vibrations", "LEFT", NEVER)),
 )  # fmt: skip
 
 

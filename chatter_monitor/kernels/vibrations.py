@@ -44,9 +44,9 @@ ARRIVED = 20
 # A vibration is over when its amplitude has fallen below half of what it was for seconds (natural logarithm), in itself
 # or, if it is fainter at all, beyond its surroundings: that of a saturated one does not, whatever its damping reads.
 DIED_DOWN = -0.7
-# Nor does it chatter with no more power than before it rose to the alarm; another alarm takes so many times that, half
-# of what the first one took (logarithm).
-AGAIN = math.exp(LOUDER)
+# Nor does it still chatter with no more power than before it rose to the alarm; another one takes so many times that,
+# half of what the first one took (logarithm).
+STILL, AGAIN = 1.0, math.exp(LOUDER)
 
 # Chatter takes the power: what has risen and takes less than so much of it is hardly ever chatter.
 SUSPECT_SHARE = 0.2
@@ -579,7 +579,7 @@ def _died_down(line):
 @njit(**OPTIONS)
 def _is_calm(vibration, line):
     """Whether a line is no louder than it was before it rose to the alarm, or not enough so for another one."""
-    return line.share * line.power < vibration.calm * (1.0 if vibration.alarm_for > 0 else AGAIN)
+    return line.share * line.power < vibration.calm * (STILL if vibration.alarm_for > 0 else AGAIN)
 
 
 @njit(**OPTIONS)
