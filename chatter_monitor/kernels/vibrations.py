@@ -209,7 +209,11 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
             if rules.unheard and _has_left(vibration, line):
                 line.order_odds = max(line.order_odds, rules.odds.unknown_speed)
             if rules.unheard or line.order_odds == rules.odds.unknown_speed:
-                line.order_odds = min(line.order_odds, _multiple_odds(vibration, line, vibrations[:known], lines))
+                others = vibrations[:known]
+                forced = min(
+                    _multiple_odds(vibration, line, others, lines), _family_odds(vibration, line, others, lines)
+                )
+                line.order_odds = min(line.order_odds, forced)
             _heard(vibration, line, rules, weights)
         if vibration.missed < FORGOTTEN or vibration.chattered:
             count += 1
@@ -326,18 +330,11 @@ def _multiple_odds(vibration, line, vibrations, lines):
     """
     odds = carried = math.inf
     fainter = False
-    relatives = steady = 0
-    together = 0.0
     for i in range(vibrations.shape[0]):
         other = vibrations[i]
         if other.line == NO_LINE or other.chattered:
             continue
         lower_hz = lines[other.line].frequency_hz
-        related = _related_odds(line.frequency_hz, lower_hz)
-        if related < 0.0:
-            relatives += 1
-            together += related
-            steady += other.steady >= RATHER_STEADY
         times = math.floor(line.frequency_hz / lower_hz + 0.5)
         if not 1 < times <= MULTIPLES:
             continue
@@ -348,25 +345,40 @@ def _multiple_odds(vibration, line, vibrations, lines):
             fainter = True
             if away < CARRIED_HZ:
                 carried = min(carried, _odds_by_chance(by_chance(times, CARRIED_HZ, lower_hz)))
-    if line.absolute_rise < AS_EVER:  # what belongs together rises together, and is steady no more then
-        vibration.family += OFTEN * ((steady >= FAMILY) - vibration.family)
     if fainter and vibration.growing + vibration.saturated < 0.5:
         vibration.carried += OFTEN * ((carried < math.inf) - vibration.carried)
-    if vibration.carried > NEARLY_ALWAYS:
-        odds = min(odds, carried)
-    if vibration.family > NEARLY_ALWAYS and relatives >= FAMILY and not _has_left(vibration, line):
-        odds = min(odds, together)
-    return odds
+    return min(odds, carried) if vibration.carried > NEARLY_ALWAYS else odds
+
+
+@njit(**OPTIONS)
+def _family_odds(vibration, line, vibrations, lines):
+    """Log odds for self-excitation of one whose line this is, by all that it is a multiple of or that are multiples.
+
+    A force gets louder with all of its multiples; and a line with several that are steady was a force's before.
+    """
+    relatives = steady = 0
+    together = 0.0
+    for i in range(vibrations.shape[0]):
+        other = vibrations[i]
+        if other.line == NO_LINE or other.chattered:
+            continue
+        odds = _related_odds(line.frequency_hz, lines[other.line].frequency_hz)
+        if odds < 0.0:
+            relatives += 1
+            together += odds
+            steady += other.steady >= RATHER_STEADY
+    if line.absolute_rise < AS_EVER:  # what belongs together rises together, and is steady no more then
+        vibration.family += OFTEN * ((steady >= FAMILY) - vibration.family)
+    forced = vibration.family > NEARLY_ALWAYS and relatives >= FAMILY and not _has_left(vibration, line)
+    return together if forced else math.inf
 
 
 @njit(**OPTIONS)
 def _related_odds(hertz, other_hz):
     """Log odds for self-excitation of what is a multiple of another line or has it as one; 0 where it is neither."""
-    times = math.floor(max(hertz, other_hz) / min(hertz, other_hz) + 0.5)
-    if not 1 < times <= MULTIPLES:
-        return 0.0
-    lower_hz = min(hertz, other_hz)
-    if abs(max(hertz, other_hz) / times - lower_hz) >= CARRIED_HZ:
+    lower_hz, upper_hz = min(hertz, other_hz), max(hertz, other_hz)
+    times = math.floor(upper_hz / lower_hz + 0.5)
+    if not 1 < times <= MULTIPLES or abs(upper_hz / times - lower_hz) >= CARRIED_HZ:
         return 0.0
     return min(_odds_by_chance(by_chance(times, CARRIED_HZ, lower_hz)), 0.0)
 
