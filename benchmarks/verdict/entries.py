@@ -21,12 +21,12 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from benchmarks.verdict.cut import RATE_HZ
 from benchmarks.verdict.monitor import Passage, watch
+from benchmarks.verdict.oscillators import STEPS, move
 from chatter_monitor.tracking.tracker import INTERVAL_S
 
 ENTERING_S = 0.05
@@ -52,25 +52,12 @@ def resonance(frequency_hz: float, damping: float, force: Signal) -> Signal:
     return response / np.std(response)
 
 
-@njit(cache=True)
-def _limited(omega: float, step_s: float, steps: int, force: Signal) -> Signal:
-    """Van der Pol's oscillator from rest, four steps a sample."""
-    x = v = 0.0
-    out = np.empty(force.size)
-    for i in range(force.size):
-        for _ in range(steps):
-            v += step_s * (force[i] - 2.0 * omega * NEGATIVE_DAMPING * (4.0 * x * x - 1.0) * v - omega * omega * x)
-            x += step_s * v
-        out[i] = x
-    return out
-
-
 def chatter(frequency_hz: float, samples: int, rng: np.random.Generator) -> Signal:
     """A self-excited oscillation at the size at which it stays, of unit size."""
     settling = round(2.0 * RATE_HZ)
-    omega = 2 * np.pi * frequency_hz
-    force = 0.02 * omega**2 * rng.standard_normal(samples + settling)
-    grown = _limited(omega, 0.25 / RATE_HZ, 4, force)[settling:]
+    force = 0.02 * rng.standard_normal(samples + settling)
+    damping, silence = np.full(force.size, -NEGATIVE_DAMPING), np.zeros(STEPS * force.size)
+    grown = move(2 * np.pi * frequency_hz, damping, 4 * NEGATIVE_DAMPING, force, silence, STEPS, 0)[settling:]
     return np.asarray(grown / np.std(grown))
 
 

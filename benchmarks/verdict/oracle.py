@@ -45,6 +45,7 @@ from benchmarks.verdict.curves import (
 from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, RATE_HZ, Cut, Label, Truth
 from benchmarks.verdict.families import FAMILIES
 from benchmarks.verdict.generator import SEEDS, Split, family_of
+from benchmarks.verdict.labels import UNSTABLE_DAMPING
 from benchmarks.verdict.monitor import listen
 from benchmarks.verdict.recipe import Recipe
 from benchmarks.verdict.scoring import Heard
@@ -58,8 +59,8 @@ BAND_HZ = 120.0  # either side of the root's frequency
 FILTER = firwin(321, BAND_HZ, fs=RATE_HZ)
 STARTING = FILTER.size // HOP + 1  # amplitudes of which the filter has not seen all samples
 COLOUR_ORDER = 6
-# What the truth calls unstable, and the median of what it calls so, for cuts that never are.
-UNSTABLE_DAMPING, USUAL_UNSTABLE = -0.0015, -0.004
+# Median of what the truth calls unstable, for cuts that never are.
+USUAL_UNSTABLE = -0.004
 # Variance of what drives the vibration, over that of the whitened noise.
 DRIVING = 0.1
 # What is idle would be scaled to infinity.

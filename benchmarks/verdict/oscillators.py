@@ -29,6 +29,7 @@ from rich.progress import track
 from rich.table import Table
 
 from benchmarks.verdict.cut import INTERVAL_S, INTERVAL_SAMPLES, RATE_HZ
+from benchmarks.verdict.labels import FROM_CROSSING_S, UNSTABLE_DAMPING
 from benchmarks.verdict.monitor import Passage, watch
 from benchmarks.verdict.scoring import LAG_PERIODS, LAG_S
 
@@ -39,7 +40,7 @@ FAMILIES = ("step", "ramp", "bar", "forced", "resonance", "jumps", "hum", "quiet
 LENGTH_S = 10.0
 STEPS = 4  # of the integration in a sample
 CALM_S = 2.0  # of which its size is known before it is made
-SELF_EXCITED, SHOWS_S, DIES_DOWN_S = -0.0015, 0.15, 0.5
+DIES_DOWN_S = 0.5
 LOUDNESS = 0.02  # of the first seconds, full scale 1
 
 
@@ -76,27 +77,43 @@ class Oscillator:
     def labels(self, intervals: int) -> tuple[Bools, Bools]:
         """Which of so many intervals are self-excited, and which are not."""
         damping = self.damping[: intervals * INTERVAL_SAMPLES].reshape(intervals, INTERVAL_SAMPLES).mean(axis=1)
-        unstable = damping < SELF_EXCITED
-        shown, over = round(SHOWS_S / INTERVAL_S), round(DIES_DOWN_S / INTERVAL_S)
+        unstable = damping < UNSTABLE_DAMPING
+        shown, over = round(FROM_CROSSING_S / INTERVAL_S), round(DIES_DOWN_S / INTERVAL_S)
         chatters = np.array([unstable[max(0, i - shown) : i + 1].all() and i >= shown for i in range(intervals)])
         calm = np.array([(damping[max(0, i - over) : i + 1] > 0.0).all() for i in range(intervals)])
         return chatters, calm
 
     def begins(self) -> float:
         """When it becomes self-excited, s; infinite if it never does."""
-        unstable = np.flatnonzero(self.damping < SELF_EXCITED)
+        unstable = np.flatnonzero(self.damping < UNSTABLE_DAMPING)
         return unstable[0] / RATE_HZ if unstable.size else math.inf
 
 
 @njit(cache=True)
-def _move(omega, damping, softness, force, noise, steps, derivative):  # type: ignore[no-untyped-def]
-    """Displacement of the oscillator, or its velocity or acceleration in units of that; noise at each step."""
+def move(omega, damping, limiting, force, noise, steps, derivative):  # type: ignore[no-untyped-def]
+    """Displacement of van der Pol's oscillator from rest, or its velocity or acceleration in units of that.
+
+    Parameters
+    ----------
+    omega : float
+        Of the mode, rad/s.
+    damping : ndarray, shape (n,)
+        Damping ratio in each sample, at rest; with the square of the displacement it grows by ``limiting``.
+    force : ndarray, shape (n,)
+        Over the stiffness.
+    noise : ndarray, shape (n * steps,)
+        What is added to that in each step of the integration.
+    steps : int
+        In a sample.
+    derivative : int
+        0, 1 or 2: what the sensor measures.
+    """
     step_s = 1.0 / (steps * RATE_HZ)
     x = v = a = 0.0
     out = np.empty(force.size)
     for i in range(force.size):
         for k in range(steps):
-            resisting = 2.0 * omega * (damping[i] + softness * x * x)
+            resisting = 2.0 * omega * (damping[i] + limiting * x * x)
             a = omega**2 * (force[i] + noise[i * steps + k] - x) - resisting * v
             v += step_s * a
             x += step_s * v
@@ -124,9 +141,9 @@ def draw(seed: int) -> Oscillator:
     noise = rng.uniform(0.02, 0.3) * rng.standard_normal(STEPS * t.size)
     omega, derivative = 2.0 * math.pi * frequency_hz, int(rng.integers(3))
     first = slice(0, round(CALM_S * RATE_HZ))
-    calm = _move(omega, damping[first], 0.0, driven[first], noise, STEPS, 0)
+    calm = move(omega, damping[first], 0.0, driven[first], noise, STEPS, 0)
     limited = float(np.std(calm)) * np.exp(rng.uniform(*np.log((4.0, 30.0))))
-    moved = _move(omega, damping, 2.0 * abs(negative) / limited**2, driven, noise, STEPS, derivative)
+    moved = move(omega, damping, 2.0 * abs(negative) / limited**2, driven, noise, STEPS, derivative)
     heard = moved + 0.05 * rng.uniform() * force  # the sensor hears the teeth, too, without the mode
     heard /= np.std(heard[first])
     if family == "hum":

@@ -90,7 +90,7 @@ AS_EVER, CLIMB, CLIMBS = 0.3, 1.0, 2.0
 # Nor does it fall by so much (half of its power) in an interval.
 FALLS = 0.35
 
-NO_LINE = -1
+NO_LINE, NO_MULTIPLE = -1, 0
 
 # One vibration and what is known of it.
 VIBRATION = np.dtype(
@@ -335,16 +335,13 @@ def _multiple_odds(vibration, line, vibrations, lines):
         if other.line == NO_LINE or other.chattered:
             continue
         lower_hz = lines[other.line].frequency_hz
-        times = math.floor(line.frequency_hz / lower_hz + 0.5)
-        if not 1 < times <= MULTIPLES:
+        if _nearest_multiple(line.frequency_hz, lower_hz) == NO_MULTIPLE:
             continue
-        away = abs(line.frequency_hz / times - lower_hz)
-        if other.steady >= SURELY_STEADY and away < MULTIPLE_HZ:
-            odds = min(odds, _odds_by_chance(by_chance(times, MULTIPLE_HZ, lower_hz)))
+        if other.steady >= SURELY_STEADY:
+            odds = min(odds, _odds_as_multiple(line.frequency_hz, lower_hz, MULTIPLE_HZ))
         if other.heard >= LASTED and other.dominance < vibration.dominance:
             fainter = True
-            if away < CARRIED_HZ:
-                carried = min(carried, _odds_by_chance(by_chance(times, CARRIED_HZ, lower_hz)))
+            carried = min(carried, _odds_as_multiple(line.frequency_hz, lower_hz, CARRIED_HZ))
     if fainter and vibration.growing + vibration.saturated < 0.5:
         vibration.carried += OFTEN * ((carried < math.inf) - vibration.carried)
     return min(odds, carried) if vibration.carried > NEARLY_ALWAYS else odds
@@ -362,8 +359,10 @@ def _family_odds(vibration, line, vibrations, lines):
         other = vibrations[i]
         if other.line == NO_LINE or other.chattered:
             continue
-        odds = _related_odds(line.frequency_hz, lines[other.line].frequency_hz)
-        if odds < 0.0:
+        other_hz = lines[other.line].frequency_hz
+        lower_hz, upper_hz = min(line.frequency_hz, other_hz), max(line.frequency_hz, other_hz)
+        odds = _odds_as_multiple(upper_hz, lower_hz, CARRIED_HZ)
+        if odds < math.inf:
             relatives += 1
             together += odds
             steady += other.steady >= RATHER_STEADY
@@ -374,13 +373,19 @@ def _family_odds(vibration, line, vibrations, lines):
 
 
 @njit(**OPTIONS)
-def _related_odds(hertz, other_hz):
-    """Log odds for self-excitation of what is a multiple of another line or has it as one; 0 where it is neither."""
-    lower_hz, upper_hz = min(hertz, other_hz), max(hertz, other_hz)
+def _nearest_multiple(upper_hz, lower_hz):
+    """Which multiple of a line another is nearest to, of those that are asked for."""
     times = math.floor(upper_hz / lower_hz + 0.5)
-    if not 1 < times <= MULTIPLES or abs(upper_hz / times - lower_hz) >= CARRIED_HZ:
-        return 0.0
-    return min(_odds_by_chance(by_chance(times, CARRIED_HZ, lower_hz)), 0.0)
+    return times if 1 < times <= MULTIPLES else NO_MULTIPLE
+
+
+@njit(**OPTIONS)
+def _odds_as_multiple(upper_hz, lower_hz, reach_hz):
+    """Log odds for self-excitation of a line so near to a multiple of another, as to that; infinite if it is not."""
+    times = _nearest_multiple(upper_hz, lower_hz)
+    if times == NO_MULTIPLE or abs(upper_hz / times - lower_hz) >= reach_hz:
+        return math.inf
+    return _odds_by_chance(by_chance(times, reach_hz, lower_hz))
 
 
 @njit(**OPTIONS)

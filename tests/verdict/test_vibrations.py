@@ -333,6 +333,32 @@ def test_what_is_as_loud_as_before_it_chattered_does_not_chatter(times, again):
         assert (known["alarm_for"][0] > 0) == (lines is grows or again)
 
 
+@pytest.mark.parametrize(("times", "goes_on"), [(0.9, False), (1.1, True)])
+def test_an_alarm_ends_when_it_has_no_more_power_than_before_it_rose(times, goes_on):
+    """However coherent it is: a forced line at its place takes over when it dies down."""
+    known = np.zeros(1, VIBRATION)
+    known["frequency_hz"], known["saturated"], known["order_odds"] = 475.0, 1.0, 2.9
+    known["alarm_for"], known["chattered"], known["power"], known["calm"] = 50, True, 1.0, 0.9
+    for _ in range(20):
+        lines = lines_of(interval(475.0, rising=False), Odds())
+        lines["dominance"], lines["order_odds"], lines["power"] = 0.95, 2.9, times  # of which the line has 0.9
+        known = followed(known, lines)
+    assert bool(known["alarm_for"][0] > 0) is goes_on
+
+
+@pytest.mark.parametrize("rests", [False, True])
+def test_how_loud_a_cut_was_while_calm_says_nothing_of_the_next(rests):
+    """What has chattered is told at once in a lighter pass, as loud as it was in the last one before it chattered."""
+    following, fainter = Following(), math.sqrt(0.9 * math.exp(-6.0))
+    for _ in range(20):
+        following.follow(interval(1000.0), RULES)
+    if rests:
+        following.rest()
+    for _ in range(10):
+        told = following.follow(interval(1000.0, rising=False)._replace(rms=fainter), RULES)
+    assert (told.alarm is not None) is rests
+
+
 @pytest.mark.parametrize(
     ("chattered", "over", "risen", "alarm"),
     [
@@ -448,13 +474,20 @@ def test_what_was_noise_for_a_second_has_not_come_with_the_tool(noise, carrier, 
 
 
 @pytest.mark.parametrize(
-    ("away", "unheard", "alarm"), [(0.0, True, False), (0.005, True, False), (0.02, True, True), (0.02, False, False)]
+    ("away", "unheard", "silent", "alarm"),
+    [
+        (0.0, True, 0, False),
+        (0.005, True, 0, False),
+        (0.02, True, 0, True),
+        (0.02, False, 0, False),
+        (0.02, True, 1, False),  # nobody has followed it there
+    ],
 )
-def test_what_leaves_the_place_of_a_steady_line_is_not_that_line(away, unheard, alarm):
+def test_what_leaves_the_place_of_a_steady_line_is_not_that_line(away, unheard, silent, alarm):
     """A told speed that is not heard may be off by as much; that which something steady had cannot be."""
     known = np.zeros(0, VIBRATION)
     calm, grows = (lines_of(interval(475.0, rising=rising), Odds()) for rising in (False, True))
-    for lines, at, intervals in ((calm, 1.0, 40), (grows, 1.0 + away, 15)):
+    for lines, at, intervals in ((calm, 1.0, 40), (calm[:0], 1.0, silent), (grows, 1.0 + away, 15)):
         for _ in range(intervals):
             seen = lines.copy()
             seen["order_odds"], seen["dominance"] = -2.3, 0.8
