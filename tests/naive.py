@@ -281,7 +281,7 @@ class NaiveVibration:
         self.recalled = self.recalled if before else self.chattered
         self.over, self.own = (0 if alarm else self.over + 1), (0 if alarm and not self.recalled else self.own + 1)
         self.chattered = alarm or (self.chattered and self.own < vibrations.FORGOTTEN_CHATTER)
-        self.told *= not self.chattered
+        self.told *= not alarm
         if line is not None and self.alarm_for == 1 and not self.recalled:
             self.calm = self.amplitude(line) - rise if rise >= 0.8 else -np.inf  # of the amplitude, as a logarithm
         if before and not alarm and risen < 0.5:
@@ -302,7 +302,7 @@ class NaiveVibration:
         self.glides.append(bool(abs(self.glide) > max(1e-3, 0.4 * np.sqrt(self.jitter))))
 
     def news(self, line: np.void) -> float:
-        if self.chattered:
+        if self.chattered and self.over < 40:
             return 0.0
         absolute = line["absolute_rise"]
         own = np.clip(absolute - line["long_rise"], 0.0, max(0.15 * absolute, 0.0))  # of what the surroundings rose

@@ -116,6 +116,7 @@ VIBRATION = np.dtype(
         ("missed", np.int64),  # intervals since its line was heard
         ("over", np.int64),  # intervals since an alarm about it
         ("own", np.int64),  # intervals since one that began without the memory of another
+        ("chattered_hz", float),  # where it was heard in an alarm about it last, before it died down
         ("recalled", np.bool_),  # whether the alarm about it began by that memory
         ("mean", float),  # its power in an alarm, averaged, and the logarithm of that (`kernels.swings`)
         ("logarithm", float),
@@ -427,6 +428,8 @@ def _heard(vibration, line, rules, weights):
     # of one with sidebands they have the rest
     enough = line.carrier or vibration.dominance >= SUSPECT_SHARE
     _another_interval(vibration, seen, _news(vibration, line, seen), rules, line.arrival > LOUDER, enough)
+    if vibration.alarm_for > 0 and not _died_down(line):
+        vibration.chattered_hz = line.frequency_hz
     if vibration.alarm_for == 1 and not vibration.recalled:
         vibration.calm = line.share * line.power * math.exp(-2.0 * rise) if rise >= LOUDER else 0.0
     if vibration.steady >= SURELY_STEADY:
@@ -480,7 +483,7 @@ def _news(vibration, line, seen):
     """
     falls = line.absolute_rise < vibration.level - FALLS
     vibration.level = line.absolute_rise
-    if vibration.chattered:
+    if vibration.alarm_for > 0 or chattered_just_now(vibration):
         return 0.0
     tells = min(line.dominance, 1.0) * beyond_chance(line) if seen.growth > 0.0 else 0.0
     news = tells - vibration.told
@@ -555,6 +558,7 @@ def _another_interval(vibration, seen, news, rules, arrived, enough):
     if (enough or vibration.chattered) and risen * vibration.unexplained >= limit:
         if not alarmed:
             vibration.recalled = vibration.chattered
+            vibration.chattered_hz = vibration.frequency_hz
         vibration.own = vibration.own + 1 if vibration.recalled else 0
         vibration.alarm_for += 1
         vibration.chattered = True

@@ -97,7 +97,7 @@ class Judge:
         if deaf:
             view = Opinion("unknown", 0.0, ("samples are missing or not to be trusted",))
         elif (quiet := _quiet(evidence, memory, settings)) is not None:
-            self._rest(forget=evidence.alone or self._arrival.came_with_tool(power))
+            self._rest(forget=self._arrival.came_with_tool(power, alone=evidence.alone))
             self._earlier.rest(evidence.orders.spectrum)
             self._irregularity.idle(power, evidence.orders.recurring_share)
             memory = memory._replace(told=Told())
@@ -107,7 +107,7 @@ class Judge:
         elif evidence.entering:
             self._earlier.cut(evidence.orders.spectrum, power, None, calm=memory.calm, entering=True)
             by_tool = self._arrival.began_with_tool()
-            self._rest(forget=evidence.alone or by_tool)
+            self._rest(forget=by_tool)
             repeating = repeating_share(evidence.orders, Told())
             since_alarm = math.inf if by_tool else memory.since_alarm
             memory = memory._replace(told=Told(), repeating=repeating, forced_share=repeating, since_alarm=since_alarm)
@@ -126,7 +126,7 @@ class Judge:
             if self._withdrawal.hear(sources, memory.told, **alarm, outlasts=outlasts):
                 view = self._withdraw(view)
             view = self._by_loudness(view, evidence, memory, outlasts=outlasts)
-            self._arrival.hear(power, alarm=view.state == "self_excited")
+            self._arrival.hear(power, alarm=view.state == "self_excited", recalled=memory.told.recalls)
         if view.grounds not in (None, "alarm"):
             self._level.remember(power)
         undamped = view.state != "unknown" and is_undamped(evidence, settings)

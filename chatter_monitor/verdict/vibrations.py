@@ -139,6 +139,12 @@ class Told:
         return bool(kernel.alarm_climbs(self.vibrations))
 
     @property
+    def recalls(self) -> bool:
+        """Whether the running alarm began by the memory of another."""
+        number = self.overview.alarm
+        return number != NONE and bool(self.vibrations["recalled"][number])
+
+    @property
     def only_orders_chattered(self) -> bool:
         """Whether an alarm was about any just now, and all of these are on orders."""
         return bool(kernel.only_orders_chattered(self.vibrations))
@@ -206,6 +212,7 @@ class Following:
         known = known[known["chattered"] & (known["own"] < FORGOTTEN_CHATTER)]
         for name, probability in zip(Kinds._fields, CALMED, strict=True):
             known[name] = probability
+        known["frequency_hz"] = known["chattered_hz"]  # as the tool left, another mode may have been heard nearby
         for since in ("missed", "over", "own"):
             known[since] += 1
         known["alarm_for"] = 0

@@ -566,6 +566,18 @@ def test_a_height_counts_once_and_is_taken_back():
     assert jumped([0.0] * 5 + [1.4, 0.0] * 20).kinds.risen < 0.1
 
 
+@pytest.mark.parametrize(("chattered", "over"), [(False, 0), (True, JUST_NOW), (True, JUST_NOW - 1)])
+def test_what_has_chattered_before_is_believed_as_soon(chattered, over):
+    """How loud it is by now counts once; just after an alarm it has counted."""
+    known, lines = np.zeros(1, VIBRATION), lines_of(interval(1000.0, rising=False), Odds())
+    known["frequency_hz"], known["noise"], known["power"], known["dominance"] = 1000.0, 1.0, 1.0, 1.0
+    known["chattered"], known["over"], known["own"] = chattered, over, over
+    lines["coherence"], lines["variation"], lines["dominance"] = 0.7, 0.5, 1.0
+    for measure in ("rise", "long_rise", "absolute_rise", "own_rise"):
+        lines[measure] = 1.8
+    assert bool(followed(known, lines)["growing"][0] > 0.9) is (over == 0 or over >= JUST_NOW)
+
+
 @pytest.mark.parametrize(
     ("rises", "growing"),
     [
@@ -659,6 +671,18 @@ def test_at_rest_only_chatter_is_remembered():
     assert len(following.follow(interval(), RULES).vibrations) == 1
     following.rest()
     assert not len(following.follow(interval(), RULES).vibrations)
+
+
+def test_what_is_heard_nearby_as_the_tool_leaves_is_not_what_has_chattered():
+    following = Following()
+    for _ in range(40):
+        following.follow(interval(1000.0), RULES)
+    (left,) = interval(1050.0, rising=False).vibrations
+    left = left._replace(line=left.line._replace(share=0.01, long_rise=-3.0, absolute_rise=-3.0))
+    told = following.follow(interval()._replace(vibrations=heard(left)), RULES)
+    assert told.vibrations["frequency_hz"].tolist() == [1050.0]
+    following.rest()
+    assert following.follow(interval(), RULES).vibrations["frequency_hz"].tolist() == [1000.0]
 
 
 def test_what_ends_with_the_cut_has_not_come_down_by_itself():
