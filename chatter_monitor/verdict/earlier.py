@@ -10,7 +10,8 @@ coherent.
   nothing is seen to grow, and a line that comes with a tool may be forced.
 
 Nothing is told in the first seconds of a first pass, nor in those of a new job, nor where nothing that can be heard
-forces the cut.
+forces the cut. And nothing new is believed while a spindle that was heard in this pass is not: it may turn at another
+speed, and wake another mode.
 """
 
 from __future__ import annotations
@@ -56,6 +57,7 @@ class Earlier:
         self._powers = deque[float](maxlen=round(LENGTH_S / interval_s))  # of the intervals of a spectrum
         self._passes: Comparison | None = None  # with the passes before
         self._here: Comparison | None = None  # with the same pass
+        self._goes_on = False  # whether what is new is an alarm
 
     def begin_job(self) -> None:
         """Forget all but the air: what follows is another cut, however alike a few of its lines may be."""
@@ -110,6 +112,8 @@ class Earlier:
             if calm:
                 self._learn(spectrum, rotation_hz)
         self._powers.append(power)
+        lost = self._turns and rotation_hz is None
+        self._goes_on = self._alarm is not None and (self._goes_on or not lost)
 
     def _hear_air(self, spectra: Iterable[Power]) -> None:
         for spectrum in spectra:
@@ -128,7 +132,7 @@ class Earlier:
     @property
     def new(self) -> New | None:
         """What is new in this pass, beside those before or beside what it was like, if that is an alarm."""
-        return self._alarm.new if self._alarm is not None else None
+        return self._alarm.new if self._alarm is not None and self._goes_on else None
 
     @property
     def within(self) -> bool:
@@ -160,7 +164,7 @@ class Earlier:
         """Forget what was heard of this pass."""
         self._calm.clear()
         self._unsure.clear()
-        self._here = None
+        self._here, self._goes_on = None, False
         self._since = self._renewed = 0
 
     def _learn(self, spectrum: Power, rotation_hz: float | None) -> None:

@@ -34,6 +34,8 @@ GLIDES = 0.01
 LOUD, STILL_REPEATING = 10.0, 0.6
 # How far it goes up and down from interval to interval (natural logarithm of the power), and how many times as usual.
 RESTLESS, MORE_RESTLESS = 0.5, 2.0
+# None begins with an interval that has less than so much of the power of now: a load that jumped has gone again.
+GONE = 0.5
 # It goes on with so much of what is asked for.
 STILL = 0.5
 # Intervals from one look at what is usual to the next.
@@ -150,7 +152,8 @@ class Irregularity:
         now, usual = _median(self._now), _median(self._usual)
         loud = rise >= part * LOUD and (_is_restless(now, usual) or self._irregular)
         of_the_cut = usual.back >= _log(OF_THE_CUT * self._foreign)
-        known = of_the_cut and (turning or self._irregular)
+        begins = turning and level >= now.level + math.log(GONE)
+        known = of_the_cut and (begins or self._irregular)
         self._irregular = loud or (known and _has_left_the_load(now, usual, part))
         return rise if self._irregular else 0.0
 

@@ -26,8 +26,11 @@ class Heard:
         self._long = LongSpectrum(RATE_HZ, FRAME)
         self._seed = 100
 
-    def play(self, cut, calm_s=np.inf, air=0.0, air_s=AIR_S, rotation_hz=None, enters_s=()):
-        """Air, and a pass, until then without another alarm; returns when there was one, after it began (s)."""
+    def play(self, cut, calm_s=np.inf, air=0.0, air_s=AIR_S, rotation_hz=None, enters_s=(), lost_s=(np.inf, np.inf)):
+        """Air, and a pass, until then without another alarm; returns when there was one, after it began (s).
+
+        The spindle may be heard, but for a while.
+        """
         for frame in self._frames(air + 0.01 * self._noise(air_s)):
             self.earlier.rest(self._long.hear(frame))
             assert self.earlier.new is None
@@ -37,7 +40,8 @@ class Heard:
             heard = self._long.hear(frame)  # with the next interval, as of `tracking.orders`
             now = number * INTERVAL_S
             calm, entering = now < calm_s and not alarms, any(0.0 <= now - each < 0.25 for each in enters_s)
-            self.earlier.cut(spectrum, np.mean(frame**2), rotation_hz, calm=calm, entering=entering)
+            turning_hz = None if lost_s[0] <= now < lost_s[1] else rotation_hz
+            self.earlier.cut(spectrum, np.mean(frame**2), turning_hz, calm=calm, entering=entering)
             spectrum = heard
             if self.earlier.new is not None:
                 alarms.append((number + 1) * INTERVAL_S)
@@ -102,6 +106,21 @@ def test_chatter_from_the_first_contact_on_is_an_alarm_and_the_next_calm_pass_no
         assert heard.earlier.new.hertz == pytest.approx(CHATTER_HZ, abs=12.5)
     assert heard.play(teeth(seconds=PASS_S)) == []
     assert heard.earlier.same
+
+
+@pytest.mark.parametrize(
+    ("rotation_hz", "lost_s", "begins"),
+    [
+        (PASSING_HZ, (0.2, 2.0), False),  # it may turn at another speed until it is heard again
+        (PASSING_HZ, (2.0, PASS_S), True),  # the alarm goes on
+        (None, (0.2, 2.0), True),  # it never was heard
+    ],
+)
+def test_nothing_new_is_believed_while_a_spindle_that_was_heard_is_not(heard, rotation_hz, lost_s, begins):
+    alarms = heard.play(teeth(seconds=PASS_S) + chatter(), rotation_hz=rotation_hz, lost_s=lost_s)
+    assert (alarms[0] <= SOON_S) is begins
+    assert begins or alarms[0] == pytest.approx(2.0 + INTERVAL_S)
+    assert alarms[-1] == pytest.approx(PASS_S)
 
 
 def test_what_came_before_an_alarm_is_not_remembered_as_calm():
