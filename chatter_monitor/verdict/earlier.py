@@ -16,6 +16,7 @@ speed, and wake another mode.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable
 from statistics import fmean, median
@@ -31,6 +32,8 @@ ENTERING_S = 0.1
 # A pass of which so many spectra are calm can be compared with, by itself with so many; so many of the latest are
 # remembered.
 FEWEST, FEWEST_HERE, REMEMBERED = 5, 10, 40
+# A speed that is told is as near (natural logarithm) to the one that is heard.
+SAME_ROTATION = 0.04
 # What comes within so many seconds before an alarm may have been chatter, too.
 BEFORE_ALARM_S = 1.0
 
@@ -50,7 +53,8 @@ class Earlier:
         self._entering = False
         self._air: Power | None = None  # largest powers in the last air
         self._remembered: list[Power] = []
-        self._turned = self._turns = False  # whether the spindle was heard in those passes, and is in this one
+        self._turned_hz: float | None = None  # the spindle, where it was heard last in those passes
+        self._turns_hz: float | None = None  # the same of this one
         self._calm = deque[Power](maxlen=REMEMBERED)  # of this pass
         self._renewed = 0  # so many of them ago its own comparison was
         self._unsure = deque[Power](maxlen=round(BEFORE_ALARM_S / LENGTH_S * OVERLAP))  # until nothing follows
@@ -62,7 +66,7 @@ class Earlier:
     def begin_job(self) -> None:
         """Forget all but the air: what follows is another cut, however alike a few of its lines may be."""
         self._remembered = []
-        self._turned = False
+        self._turned_hz = None
         self._passes = None
         self._forget_pass()
 
@@ -100,7 +104,7 @@ class Earlier:
             self._hear_air(self._calm)
             self._forget_pass()
         self._entering = entering
-        self._turns |= rotation_hz is not None
+        self._turns_hz = self._turns_hz if rotation_hz is None else rotation_hz
         self._since += 1
         if not calm:
             self._unsure.clear()
@@ -112,7 +116,7 @@ class Earlier:
             if calm:
                 self._learn(spectrum, rotation_hz)
         self._powers.append(power)
-        lost = self._turns and rotation_hz is None
+        lost = self._turns_hz is not None and rotation_hz is None
         self._goes_on = self._alarm is not None and (self._goes_on or not lost)
 
     def _hear_air(self, spectra: Iterable[Power]) -> None:
@@ -124,10 +128,11 @@ class Earlier:
         """Whether this pass is the same cut as those before, for all that is heard just now."""
         return self._passes is not None and self._passes.same
 
-    @property
-    def turns_the_same(self) -> bool:
-        """Whether it is the same cut, and the spindle was heard in the passes before."""
-        return self.same and self._turned
+    def turns_the_same(self, rotation_hz: float | None) -> bool:
+        """Whether it is the same cut, and the spindle was heard in the passes before to turn as it is said to now."""
+        if rotation_hz is None or self._turned_hz is None:
+            return False
+        return self.same and abs(math.log(rotation_hz / self._turned_hz)) < SAME_ROTATION
 
     @property
     def new(self) -> New | None:
@@ -153,11 +158,11 @@ class Earlier:
         if len(calm) >= FEWEST:
             same = self._passes is not None and self._passes.was_same
             before = self._remembered if same else []
-            self._turned = self._turns or (same and self._turned)
+            self._turned_hz = self._turns_hz or (self._turned_hz if same else None)
             self._remembered = [*before, *calm][-REMEMBERED:]
         self._forget_pass()
         self._air = None
-        self._cutting = self._turns = False
+        self._cutting, self._turns_hz = False, None
         self._passes = None
 
     def _forget_pass(self) -> None:

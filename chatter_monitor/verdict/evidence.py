@@ -151,7 +151,8 @@ class Evidence(NamedTuple):
     cycle : Cycle or None
         What the loudest band keeps of amplitude and phase.
     same_cut : bool
-        What forces the cut is the same as in the passes before, in which the spindle was heard (`verdict.earlier`).
+        What forces the cut is the same as in the passes before, in which the spindle was heard to turn as it is said
+        to now (`verdict.earlier`).
     held : bool
         No sample of the interval could be adapted to: nothing moves.
     starting : bool
@@ -180,7 +181,7 @@ class Evidence(NamedTuple):
     @property
     def spindle_heard(self) -> bool:
         """Whether the spindle is heard, at a speed that is told, or at that at which it turned in the passes before."""
-        return self.orders.spindle_heard or (self.same_cut and self.orders.rotation_hz is not None)
+        return self.orders.spindle_heard or self.same_cut
 
     @property
     def grown_hz(self) -> float | None:

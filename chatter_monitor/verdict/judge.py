@@ -117,7 +117,8 @@ class Judge:
                 view = view._replace(reasons=(reasons.CAME_WITH_TOOL, *view.reasons))
         else:
             self._earlier.cut(evidence.orders.spectrum, power, _heard_hz(evidence.orders), calm=memory.calm)
-            memory = self._follow(memory, evidence._replace(same_cut=self._earlier.turns_the_same))
+            same_cut = self._earlier.turns_the_same(evidence.orders.rotation_hz)
+            memory = self._follow(memory, evidence._replace(same_cut=same_cut))
             view = opinion(evidence, memory, settings)
             alarm = {"by_line": view.state == "self_excited", "goes_on": memory.since_alarm == 0.0}
             self._origin.hear(evidence.grown_hz, memory.told, is_cut=self._loudness.is_cut, **alarm)

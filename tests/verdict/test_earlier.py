@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from chatter_monitor.tracking.long_spectrum import LENGTH_S, OVERLAP, LongSpectrum
-from chatter_monitor.verdict.earlier import BEFORE_ALARM_S, ENTERING_S, FEWEST_HERE, REMEMBERED, Earlier
+from chatter_monitor.verdict.earlier import BEFORE_ALARM_S, ENTERING_S, FEWEST_HERE, REMEMBERED, SAME_ROTATION, Earlier
 from tests.verdict.test_same_cut import CHATTER_HZ, FRAME, PASSING_HZ, RATE_HZ, noise, teeth, tone
 
 INTERVAL_S = FRAME / RATE_HZ
@@ -83,17 +85,36 @@ def test_it_turns_the_same_where_the_spindle_was_heard_in_a_pass_before(first_hz
     """A speed that was told and never heard is nobody's for being the same cut; a new job is to be heard anew."""
     played = Heard()
     for rotation_hz in (first_hz, second_hz):
-        assert not played.earlier.turns_the_same
+        assert not played.earlier.turns_the_same(PASSING_HZ)
         played.play(teeth(seconds=PASS_S), rotation_hz=rotation_hz)
     assert played.earlier.same
-    assert played.earlier.turns_the_same is turns
+    assert played.earlier.turns_the_same(PASSING_HZ) is turns
     played.play(teeth(seconds=PASS_S))
-    assert played.earlier.turns_the_same is (turns or second_hz is not None)
+    assert played.earlier.turns_the_same(PASSING_HZ) is (turns or second_hz is not None)
     played.earlier.begin_job()
     played.play(teeth(seconds=PASS_S))
     played.play(teeth(seconds=PASS_S))
     assert played.earlier.same
-    assert not played.earlier.turns_the_same
+    assert not played.earlier.turns_the_same(PASSING_HZ)
+
+
+@pytest.mark.parametrize(
+    ("times", "turns"),
+    [
+        (1.0, True),
+        (math.exp(0.99 * SAME_ROTATION), True),  # as it is told
+        (math.exp(-1.01 * SAME_ROTATION), False),
+        (1.5, False),  # every other line of that is one of the passes before
+        (None, False),
+    ],
+)
+def test_it_turns_the_same_at_the_speed_that_was_heard(heard, times, turns):
+    """A speed that nobody has heard may share lines with the one that was: the others are off its orders."""
+    heard.play(teeth(seconds=PASS_S), rotation_hz=0.9 * PASSING_HZ)
+    heard.play(teeth(seconds=PASS_S), rotation_hz=PASSING_HZ)  # which it is by now
+    heard.play(teeth(seconds=PASS_S))
+    assert heard.earlier.same
+    assert heard.earlier.turns_the_same(None if times is None else times * PASSING_HZ) is turns
 
 
 def test_chatter_from_the_first_contact_on_is_an_alarm_and_the_next_calm_pass_none(heard):
