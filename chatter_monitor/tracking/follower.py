@@ -131,6 +131,11 @@ class CombFollower:
         return self._followed is not self._target
 
     @property
+    def stands(self) -> bool:
+        """Whether what was clear of it last is a comb of its fundamental."""
+        return self._doubtful_frames == 0
+
+    @property
     def _has_few(self) -> bool:
         """Whether what is followed at a told speed has fewer clear lines than a comb at any other needs."""
         return _is_told(self._followed) and self._clear < self._anything.fewest

@@ -127,6 +127,8 @@ class Orders(NamedTuple):
     spectrum : ndarray of float64 or None
         Of the signal with all that turns, until the frame before this one, with every fourth frame
         (`tracking.long_spectrum`).
+    stands : bool
+        Whether the orders that were clear of the spindle's comb last are one of its rotation (`Target.stands`).
     """
 
     first_sample: int
@@ -146,6 +148,7 @@ class Orders(NamedTuple):
     doubted: bool = False
     recurring_share: float | None = None
     spectrum: Power | None = None
+    stands: bool = True
 
     @property
     def spindle(self) -> tuple[float | None, float | None]:
@@ -164,8 +167,11 @@ class Orders(NamedTuple):
 
     @property
     def spindle_heard(self) -> bool:
-        """Whether that is the spindle's, of a told speed that nothing speaks against, and not another comb's alone."""
-        return self.source == "refined" and self.rotation_heard
+        """Whether that is the spindle's, of a told speed that nothing speaks against, and not another comb's alone.
+
+        Some lines of another job may be on orders of a speed that was heard before: 15 and 30 are a comb of the 15th.
+        """
+        return self.source == "refined" and self.rotation_heard and self.stands
 
     @property
     def spindle_unheard(self) -> bool:
@@ -404,6 +410,7 @@ class OrderTracker:
             doubted=self._followers[0].doubts,
             recurring_share=self._recurring,
             spectrum=self._spectrum,
+            stands=self._followers[0].stands,
         )
 
     def _from_memory(self, sample: int) -> tuple[float | None, float | None, Source | None]:

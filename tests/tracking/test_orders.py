@@ -253,6 +253,17 @@ def test_a_rotation_that_is_remembered_is_not_heard(spindle):
     assert not any(heard[102:])
 
 
+@pytest.mark.parametrize(("next_cut", "heard"), [(MILLING, True), ({15: 0.5, 30: 0.3}, False), ({4: 0.5}, True)])
+def test_the_lines_of_another_job_are_not_the_spindle(next_cut, heard):
+    """Two of its lines may be on orders of the speed before, but are then a comb of the first of them."""
+    samples = np.concatenate((comb(5, TURNS_HZ, MILLING), np.zeros(at(1)), comb(3, TURNS_HZ, next_cut))) + noise(9)
+    _, frames = take_out(samples, GIVEN)
+    assert all(frame.spindle_heard for frame in frames[80:100])
+    assert any(frame.rotation_heard for frame in frames[120:135])  # something turns
+    assert any(frame.spindle_heard for frame in frames[120:]) is heard
+    assert all(frame.spindle_heard for frame in frames[135:180]) is heard
+
+
 def test_a_speed_that_wandered_is_remembered_as_it_was_heard_last():
     """What follows it goes on for a while, through noise, and strays: by 1.7 % here."""
     t = np.arange(at(8)) / RATE_HZ
