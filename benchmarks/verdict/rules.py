@@ -103,6 +103,8 @@ RULES = (
           ("kernels.vibrations", "AGAIN", 0.0)),
     _rule(135, "louder with its family", ("kernels.vibrations", "FAMILY", 10**9)),
     _rule(135, "away from where it was steady", ("kernels.vibrations", "LEFT", NEVER)),
+    _rule(136, "what has gone again", ("verdict.irregularity", "GONE", 1.0 / NEVER)),
+    _rule(136, "the speed that was heard in the same cut", ("verdict.earlier", "SAME_ROTATION", NEVER)),
 )  # fmt: skip
 
 
