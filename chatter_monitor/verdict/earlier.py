@@ -10,8 +10,8 @@ coherent.
   nothing is seen to grow, and a line that comes with a tool may be forced.
 
 Nothing is told in the first seconds of a first pass, nor in those of a new job, nor where nothing that can be heard
-forces the cut. And nothing new is believed while a spindle that was heard in this pass is not: it may turn at another
-speed, and wake another mode.
+forces the cut. And nothing new is believed while a spindle that was heard in this pass has not been for longer than
+chatter needs to drown it and to be told: it may turn at another speed, and wake another mode.
 """
 
 from __future__ import annotations
@@ -34,6 +34,8 @@ ENTERING_S = 0.1
 FEWEST, FEWEST_HERE, REMEMBERED = 5, 10, 40
 # A speed that is told is as near (natural logarithm) to the one that is heard.
 SAME_ROTATION = 0.04
+# A comb that chatter drowns is lost for no longer when that is told.
+LOST_S = 1.25
 # What comes within so many seconds before an alarm may have been chatter, too.
 BEFORE_ALARM_S = 1.0
 
@@ -55,6 +57,7 @@ class Earlier:
         self._remembered: list[Power] = []
         self._turned_hz: float | None = None  # the spindle, where it was heard last in those passes
         self._turns_hz: float | None = None  # the same of this one
+        self._lost_for, self._lost = 0, round(LOST_S / interval_s)  # intervals since; too many of them
         self._calm = deque[Power](maxlen=REMEMBERED)  # of this pass
         self._renewed = 0  # so many of them ago its own comparison was
         self._unsure = deque[Power](maxlen=round(BEFORE_ALARM_S / LENGTH_S * OVERLAP))  # until nothing follows
@@ -105,6 +108,7 @@ class Earlier:
             self._forget_pass()
         self._entering = entering
         self._turns_hz = self._turns_hz if rotation_hz is None else rotation_hz
+        self._lost_for = self._lost_for + 1 if rotation_hz is None and self._turns_hz is not None else 0
         self._since += 1
         if not calm:
             self._unsure.clear()
@@ -116,8 +120,7 @@ class Earlier:
             if calm:
                 self._learn(spectrum, rotation_hz)
         self._powers.append(power)
-        lost = self._turns_hz is not None and rotation_hz is None
-        self._goes_on = self._alarm is not None and (self._goes_on or not lost)
+        self._goes_on = self._alarm is not None and (self._goes_on or self._lost_for <= self._lost)
 
     def _hear_air(self, spectra: Iterable[Power]) -> None:
         for spectrum in spectra:
@@ -162,7 +165,7 @@ class Earlier:
             self._remembered = [*before, *calm][-REMEMBERED:]
         self._forget_pass()
         self._air = None
-        self._cutting, self._turns_hz = False, None
+        self._cutting, self._turns_hz, self._lost_for = False, None, 0
         self._passes = None
 
     def _forget_pass(self) -> None:
