@@ -57,7 +57,7 @@ class Earlier:
         self._remembered: list[Power] = []
         self._turned_hz: float | None = None  # the spindle, where it was heard last in those passes
         self._turns_hz: float | None = None  # the same of this one
-        self._lost_for, self._lost = 0, round(LOST_S / interval_s)  # intervals since; too many of them
+        self._lost_for, self._drowned = 0, round(LOST_S / interval_s)  # intervals since; as many as may be chatter's
         self._calm = deque[Power](maxlen=REMEMBERED)  # of this pass
         self._renewed = 0  # so many of them ago its own comparison was
         self._unsure = deque[Power](maxlen=round(BEFORE_ALARM_S / LENGTH_S * OVERLAP))  # until nothing follows
@@ -107,8 +107,10 @@ class Earlier:
             self._hear_air(self._calm)
             self._forget_pass()
         self._entering = entering
-        self._turns_hz = self._turns_hz if rotation_hz is None else rotation_hz
-        self._lost_for = self._lost_for + 1 if rotation_hz is None and self._turns_hz is not None else 0
+        if rotation_hz is not None:
+            self._turns_hz, self._lost_for = rotation_hz, 0
+        elif self._turns_hz is not None:
+            self._lost_for += 1
         self._since += 1
         if not calm:
             self._unsure.clear()
@@ -120,7 +122,7 @@ class Earlier:
             if calm:
                 self._learn(spectrum, rotation_hz)
         self._powers.append(power)
-        self._goes_on = self._alarm is not None and (self._goes_on or self._lost_for <= self._lost)
+        self._goes_on = self._alarm is not None and (self._goes_on or self._lost_for <= self._drowned)
 
     def _hear_air(self, spectra: Iterable[Power]) -> None:
         for spectrum in spectra:
