@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,14 @@ def test_a_first_pass_is_heard_between_a_pause_and_air(cut):
     assert passage.announced is air.announced is None
     again, _ = first_pass(cut, np.random.default_rng(1))
     assert all(np.array_equal(a.samples, b.samples) for a, b in zip((pause, passage, air), again, strict=True))
+
+
+def test_a_tool_may_enter_slowly(cut):
+    """After a twentieth of a second, half as deep as it will be at most, and later the same as one that is quick."""
+    quick, slow = (first_pass(cut, np.random.default_rng(1), slowly=slowly)[0][1].samples for slowly in (False, True))
+    begins, later = slice(0, round(0.05 * RATE_HZ)), slice(round(0.7 * RATE_HZ), round(1.0 * RATE_HZ))
+    assert np.std(slow[begins]) < 0.5 / math.sqrt(3.0) * np.std(slow[later])
+    assert np.array_equal(slow[later], quick[later])
 
 
 def test_a_fifth_of_the_rooms_has_a_pump(cut):

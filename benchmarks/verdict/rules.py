@@ -85,7 +85,7 @@ RULES = (
     _rule(80, "loud enough to be sure", ("verdict.loudness", "LOUD", NEVER)),
     _rule(81, "a told speed that is not heard", ("kernels.testimony", "NOT_THIS", 0.0)),
     _rule(82, "what gets louder is a warning", ("kernels.overview", "RISES", NEVER)),
-    _rule(84, "multiples of what is steady", ("kernels.vibrations", "MULTIPLES", 1)),
+    _rule(84, "multiples of what is steady", ("kernels.relatives", "MULTIPLES", 1)),
     _rule(85, "orders that were known lately", ("verdict.known_orders", "MATTERS", NEVER)),
     _rule(86, "swings of a calm cut", ("kernels.swings", "LOUDER", NEVER)),
     _rule(87, "caught on the teeth", ("verdict.loudness", "AS_TURNING", NEVER)),
@@ -101,10 +101,11 @@ RULES = (
     _rule(132, "like noise in an alarm", ("kernels.swings", "DISPERSED", NEVER)),
     _rule(135, "as loud as before it chattered", ("kernels.vibrations", "STILL", 0.0),
           ("kernels.vibrations", "AGAIN", 0.0)),
-    _rule(135, "louder with its family", ("kernels.vibrations", "FAMILY", 10**9)),
-    _rule(135, "away from where it was steady", ("kernels.vibrations", "LEFT", NEVER)),
+    _rule(135, "louder with its family", ("kernels.relatives", "FAMILY", 10**9)),
+    _rule(135, "away from where it was steady", ("kernels.relatives", "LEFT", NEVER)),
     _rule(136, "what has gone again", ("verdict.irregularity", "GONE", 1.0 / NEVER)),
     _rule(136, "the speed that was heard in the same cut", ("verdict.earlier", "SAME_ROTATION", NEVER)),
+    _rule(137, "in step with what has glided", ("kernels.relatives", "IN_STEP_HZ", 0.0)),
 )  # fmt: skip
 
 

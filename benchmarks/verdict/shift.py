@@ -104,21 +104,21 @@ def level_and_room(rng: np.random.Generator, samples: Floats) -> tuple[float, Ro
     return level, room
 
 
-def one_pass(rng: np.random.Generator, cut: Cut, level: float) -> Floats:
+def one_pass(rng: np.random.Generator, cut: Cut, level: float, fade_s: tuple[float, float] = FADE_S) -> Floats:
     """Return one pass of the tool, with entry and exit: part of a cut, never joined to another part of it."""
     source = cut.samples[round(SETTLING_S * RATE_HZ) :]
     n = min(round(rng.uniform(*PASS_S) * RATE_HZ), source.size)
     start = int(rng.integers(source.size - n + 1))
     vibration = lfilter([1.0, rng.uniform(-0.3, 0.3)], [1.0], source[start : start + n])
     vibration *= level * rng.uniform(0.7, 1.4) * rng.choice((-1.0, 1.0))
-    return enter_and_leave(rng, vibration)
+    return enter_and_leave(rng, vibration, fade_s)
 
 
-def enter_and_leave(rng: np.random.Generator, vibration: Floats) -> Floats:
-    """Return a vibration as of a tool that enters and leaves."""
+def enter_and_leave(rng: np.random.Generator, vibration: Floats, fade_s: tuple[float, float] = FADE_S) -> Floats:
+    """Return a vibration as of a tool that enters and leaves, within so many seconds each."""
     faded = vibration.copy()
     for end in (slice(None), slice(None, None, -1)):
-        fade = round(rng.uniform(*FADE_S) * RATE_HZ)
+        fade = round(rng.uniform(*fade_s) * RATE_HZ)
         faded[end][:fade] *= np.linspace(0.0, 1.0, fade)
     return faded
 

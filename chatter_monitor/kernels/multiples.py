@@ -6,6 +6,8 @@ from chatter_monitor.kernels.options import OPTIONS
 
 # Where more lines than this would be near such a multiple by chance, none is one for that.
 LARGEST_CHANCE = 0.1
+# Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
+FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
 
 
 @njit(**OPTIONS)

@@ -8,8 +8,8 @@ from numba import njit
 from chatter_monitor.kernels.kinds import coherence_damping, steady_share
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.testimony import witness
+from chatter_monitor.kernels.vibration import NO_LINE
 from chatter_monitor.kernels.vibrations import (
-    NO_LINE,
     SURELY_ON,
     SUSPECT_SHARE,
     chattered_just_now,

@@ -26,15 +26,9 @@ from chatter_monitor.kernels.lines import (
     SHARE,
     VARIATION,
 )
+from chatter_monitor.kernels.multiples import FORCED_AT_ROTATION, FORCED_AT_TEETH, FORCED_OFF_ORDERS
 from chatter_monitor.kernels.options import OPTIONS
-from chatter_monitor.kernels.vibrations import (
-    DIED_DOWN,
-    FORCED_AT_ROTATION,
-    FORCED_AT_TEETH,
-    FORCED_OFF_ORDERS,
-    LINE_WIDTH_HZ,
-    SUSPECT_SHARE,
-)
+from chatter_monitor.kernels.vibrations import DIED_DOWN, LINE_WIDTH_HZ, SUSPECT_SHARE
 
 # Log odds of what is on no order for certain.
 OFF_ORDERS = -math.log(FORCED_OFF_ORDERS)

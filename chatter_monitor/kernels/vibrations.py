@@ -3,7 +3,6 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
 
 from chatter_monitor.kernels.kinds import (
@@ -19,9 +18,10 @@ from chatter_monitor.kernels.kinds import (
     follow,
     likeness,
 )
-from chatter_monitor.kernels.multiples import LARGEST_CHANCE, by_chance
 from chatter_monitor.kernels.options import OPTIONS
+from chatter_monitor.kernels.relatives import forced_odds, has_left, taken_along
 from chatter_monitor.kernels.rotations import GROWN, NO_MORE
+from chatter_monitor.kernels.vibration import AS_EVER, NO_LINE, SURELY_STEADY
 
 # A line belongs to a vibration when it is this near, relatively or in Hz.
 SAME_VIBRATION = 0.06
@@ -50,22 +50,8 @@ STILL, AGAIN = 1.0, math.exp(LOUDER)
 
 # Chatter takes the power: what has risen and takes less than so much of it is hardly ever chatter.
 SUSPECT_SHARE = 0.2
-# Where nothing is heard to turn a line may be a multiple, up to so many times, of another: of one that is steady for
-# certain, if that would be within so much of it (Hz); or of one with less of the power that has been heard in so many
-# intervals, if it nearly always was that, more nearly, until it rose. Then it is forced, unless chance would have it
-# there as soon.
-MULTIPLES, MULTIPLE_HZ, SURELY_STEADY = 8, 1.5, 0.9
-CARRIED_HZ, LASTED, NEARLY_ALWAYS = 0.7, 5, 0.6
-# Weight of an interval in the average of how often it was.
-OFTEN = 0.2
-# And it is forced when it has nearly always had so many relatives that are rather steady than not, multiples of it or
-# what it is a multiple of, until it got louder, still has them, and is where it was: all of a force gets louder.
-FAMILY, RATHER_STEADY = 2, 0.5
-# What is so far from where it was steady, relatively and in Hz, is something else if no spindle has taken it along; and
-# weight of an interval in the average of that place.
-LEFT, LEFT_HZ, SLOWLY = 0.01, 2.0, 0.05
-# Shares of forced lines that are at multiples of the passing of teeth, of the rotation, and at neither.
-FORCED_AT_TEETH, FORCED_AT_ROTATION, FORCED_OFF_ORDERS = 0.75, 0.2, 0.05
+# Weight of an interval in the average of where it was steady.
+SLOWLY = 0.05
 # Of a vibration that has chattered and does no more.
 CALMED = Kinds(noise=1.0 - 6e-4, growing=2e-4, saturated=2e-4, steady=2e-4)
 # Log odds by its place, averaged, of what is off the orders for more than a moment, where these are told apart; and on
@@ -84,59 +70,11 @@ FREQUENCY_GAIN, GLIDE_GAIN = 0.35, 0.074
 LEAST_GLIDE, SIGNIFICANT_GLIDE = 1e-3, 0.4
 GLIDING, GLIDED = 10, 100
 GLIDES = -6.0
-# What grows by itself takes its time. Below such a rise (natural logarithm) a vibration is as faint as ever; with so
-# much of it besides what has come at once it has climbed; log odds of that.
-AS_EVER, CLIMB, CLIMBS = 0.3, 1.0, 2.0
+# What grows by itself takes its time: with so much of its rise (natural logarithm) besides what has come at once it has
+# climbed; log odds of that.
+CLIMB, CLIMBS = 1.0, 2.0
 # Nor does it fall by so much (half of its power) in an interval.
 FALLS = 0.35
-
-NO_LINE, NO_MULTIPLE = -1, 0
-
-# One vibration and what is known of it.
-VIBRATION = np.dtype(
-    [
-        ("frequency_hz", float),  # where it was heard last
-        ("noise", float),  # probability of each of the `Kinds`
-        ("growing", float),
-        ("saturated", float),
-        ("steady", float),
-        ("unexplained", float),  # probability that nothing that turns explains it, if it has risen
-        ("alarm_for", np.int64),  # intervals since an alarm began that is about it; 0 without one
-        ("chattered", np.bool_),  # whether there has been one within the last minute
-        ("line", np.int64),  # its line in this interval
-        ("order_odds", float),  # log odds by its place among the orders, averaged
-        ("dominance", float),  # its share of the power over some intervals; the largest in an alarm, off the orders
-        ("power", float),  # mean of those intervals
-        ("rise", float),  # by how much it is louder than it has been, averaged (natural logarithm)
-        ("height", float),  # the largest that has been since it was as faint as ever (no average)
-        ("step", float),  # by how much that has become larger with this interval
-        ("leap", float),  # and with the two intervals, one after the other, that most of it came with
-        ("told", float),  # log likelihood of its rise, as far as it has been counted
-        ("level", float),  # by how much it was louder than it had been, when it was heard last (natural logarithm)
-        ("missed", np.int64),  # intervals since its line was heard
-        ("over", np.int64),  # intervals since an alarm about it
-        ("own", np.int64),  # intervals since one that began without the memory of another
-        ("chattered_hz", float),  # where it was heard in an alarm about it last, before it died down
-        ("recalled", np.bool_),  # whether the alarm about it began by that memory
-        ("mean", float),  # its power in an alarm, averaged, and the logarithm of that (`kernels.swings`)
-        ("logarithm", float),
-        ("dispersion", float),  # by how much the logarithm of the mean is the larger, averaged
-        ("crest", float),  # largest logarithm of its amplitude in that alarm
-        ("heard", np.int64),  # intervals in which it was
-        ("late", np.bool_),  # whether it was noise yet when it had been heard in `ARRIVED` of them
-        ("on_order", float),  # logarithm of its frequency when it was on an order last, NaN before
-        ("place", float),  # logarithm of its frequency, filtered
-        ("glide", float),  # by how much that changes in an interval
-        ("jitter", float),  # mean square by which the filter misses
-        ("gliding", np.int64),  # intervals in a row in which it has glided
-        ("stood_hz", float),  # where it was steady last, averaged; 0 before
-        ("family", float),  # how often it was one of a family of steady lines until it rose, averaged
-        ("calm", float),  # its power before it rose to the last alarm about it; 0 where that is not known
-        ("carried", float),  # how often it was a multiple of a line with less of the power until it rose, averaged
-        ("glided", np.int64),  # intervals for which that counts yet
-    ],
-    align=True,
-)
 
 
 class Odds(NamedTuple):
@@ -207,14 +145,11 @@ def follow_all(vibrations, known, lines, rules, weights, taken, work):
             _unheard(vibration, rules)
         else:
             line = lines[vibration.line]
-            if rules.unheard and _has_left(vibration, line):
+            if rules.unheard and has_left(vibration, line):
                 line.order_odds = max(line.order_odds, rules.odds.unknown_speed)
+            along = taken_along(vibration, line, vibrations[:known], lines)
             if rules.unheard or line.order_odds == rules.odds.unknown_speed:
-                others = vibrations[:known]
-                forced = min(
-                    _multiple_odds(vibration, line, others, lines), _family_odds(vibration, line, others, lines)
-                )
-                line.order_odds = min(line.order_odds, forced)
+                line.order_odds = min(line.order_odds, along, forced_odds(vibration, line, vibrations[:known], lines))
             _heard(vibration, line, rules, weights)
         if vibration.missed < FORGOTTEN or vibration.chattered:
             count += 1
@@ -317,89 +252,8 @@ def _begin(vibration, line):
     vibration.place = math.log(line.frequency_hz)
     vibration.on_order = math.nan
     vibration.stood_hz = vibration.family = vibration.calm = 0.0
-    vibration.glide = vibration.jitter = vibration.carried = 0.0
+    vibration.glide = vibration.jitter = vibration.carried = vibration.along = 0.0
     vibration.gliding = vibration.glided = 0
-
-
-@njit(**OPTIONS)
-def _multiple_odds(vibration, line, vibrations, lines):
-    """Log odds for self-excitation of one whose line this is, by those that it is a multiple of.
-
-    Teeth that pass faster than a spindle turns make no comb that is looked for without a speed, nor do two lines: they
-    may be one vibration's with its overtone. But what is steady is none. And chatter brings its overtones with it:
-    what was the overtone of a fainter line before it rose is not its own.
-    """
-    odds = carried = math.inf
-    fainter = False
-    for i in range(vibrations.shape[0]):
-        other = vibrations[i]
-        if other.line == NO_LINE or other.chattered:
-            continue
-        lower_hz = lines[other.line].frequency_hz
-        if _nearest_multiple(line.frequency_hz, lower_hz) == NO_MULTIPLE:
-            continue
-        if other.steady >= SURELY_STEADY:
-            odds = min(odds, _odds_as_multiple(line.frequency_hz, lower_hz, MULTIPLE_HZ))
-        if other.heard >= LASTED and other.dominance < vibration.dominance:
-            fainter = True
-            carried = min(carried, _odds_as_multiple(line.frequency_hz, lower_hz, CARRIED_HZ))
-    if fainter and vibration.growing + vibration.saturated < 0.5:
-        vibration.carried += OFTEN * ((carried < math.inf) - vibration.carried)
-    return min(odds, carried) if vibration.carried > NEARLY_ALWAYS else odds
-
-
-@njit(**OPTIONS)
-def _family_odds(vibration, line, vibrations, lines):
-    """Log odds for self-excitation of one whose line this is, by all that it is a multiple of or that are multiples.
-
-    A force gets louder with all of its multiples; and a line with several that are steady was a force's before.
-    """
-    relatives = steady = 0
-    together = 0.0
-    for i in range(vibrations.shape[0]):
-        other = vibrations[i]
-        if other.line == NO_LINE or other.chattered:
-            continue
-        other_hz = lines[other.line].frequency_hz
-        lower_hz, upper_hz = min(line.frequency_hz, other_hz), max(line.frequency_hz, other_hz)
-        odds = _odds_as_multiple(upper_hz, lower_hz, CARRIED_HZ)
-        if odds < math.inf:
-            relatives += 1
-            together += odds
-            steady += other.steady >= RATHER_STEADY
-    if line.absolute_rise < AS_EVER:  # what belongs together rises together, and is steady no more then
-        vibration.family += OFTEN * ((steady >= FAMILY) - vibration.family)
-    forced = vibration.family > NEARLY_ALWAYS and relatives >= FAMILY and not _has_left(vibration, line)
-    return together if forced else math.inf
-
-
-@njit(**OPTIONS)
-def _nearest_multiple(upper_hz, lower_hz):
-    """Which multiple of a line another is nearest to, of those that are asked for."""
-    times = math.floor(upper_hz / lower_hz + 0.5)
-    return times if 1 < times <= MULTIPLES else NO_MULTIPLE
-
-
-@njit(**OPTIONS)
-def _odds_as_multiple(upper_hz, lower_hz, reach_hz):
-    """Log odds for self-excitation of a line so near to a multiple of another, as to that; infinite if it is not."""
-    times = _nearest_multiple(upper_hz, lower_hz)
-    if times == NO_MULTIPLE or abs(upper_hz / times - lower_hz) >= reach_hz:
-        return math.inf
-    return _odds_by_chance(by_chance(times, reach_hz, lower_hz))
-
-
-@njit(**OPTIONS)
-def _has_left(vibration, line):
-    """Whether a line is not where its vibration was steady."""
-    away_hz = abs(line.frequency_hz - vibration.stood_hz)
-    return vibration.stood_hz > 0.0 and vibration.glided == 0 and away_hz > max(LEFT * line.frequency_hz, LEFT_HZ)
-
-
-@njit(**OPTIONS)
-def _odds_by_chance(chance):
-    """Log odds for self-excitation of what is where forced lines are, and anything is with this probability."""
-    return math.log(chance / FORCED_AT_TEETH) if chance < LARGEST_CHANCE else math.inf
 
 
 @njit(**OPTIONS)

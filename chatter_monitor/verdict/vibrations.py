@@ -20,18 +20,11 @@ from chatter_monitor.kernels.binding import bound
 from chatter_monitor.kernels.heard import FIELDS
 from chatter_monitor.kernels.kinds import LINE, Kinds
 from chatter_monitor.kernels.overview import NONE, Overview
+from chatter_monitor.kernels.relatives import NEARLY_ALWAYS
 from chatter_monitor.kernels.swings import end_cut, hold_back, new_swings
 from chatter_monitor.kernels.testimony import witness
-from chatter_monitor.kernels.vibrations import (
-    CALMED,
-    FORGOTTEN_CHATTER,
-    NEARLY_ALWAYS,
-    NO_LINE,
-    VIBRATION,
-    Odds,
-    Rules,
-    withdraw,
-)
+from chatter_monitor.kernels.vibration import NO_LINE, VIBRATION
+from chatter_monitor.kernels.vibrations import CALMED, FORGOTTEN_CHATTER, Odds, Rules, withdraw
 from chatter_monitor.tracking.orders import Orders
 from chatter_monitor.verdict.evidence import Evidence, Heard, Vibration
 from chatter_monitor.verdict.known_orders import NOTHING_TAKEN, KnownOrders

@@ -9,7 +9,7 @@ import pytest
 
 from chatter_monitor.kernels.kinds import LINE, NOISE_VARIATION
 from chatter_monitor.kernels.overview import NONE, SUSPECT_SHARE, Overview, forced_at, overview
-from chatter_monitor.kernels.vibrations import NO_LINE, VIBRATION
+from chatter_monitor.kernels.vibration import NO_LINE, VIBRATION
 
 
 def some(seed, count):

@@ -21,7 +21,7 @@ from chatter_monitor.kernels.swings import (
     hold_back,
     new_swings,
 )
-from chatter_monitor.kernels.vibrations import VIBRATION
+from chatter_monitor.kernels.vibration import VIBRATION
 
 RISES = [RISE, LONG_RISE, ABSOLUTE_RISE, NEWS, ARRIVAL]
 RISEN = 3.0  # what the spectrum tells of every line here

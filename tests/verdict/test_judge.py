@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from chatter_monitor.kernels.kinds import LINE, Kinds
 from chatter_monitor.kernels.overview import Overview, overview
-from chatter_monitor.kernels.vibrations import VIBRATION
+from chatter_monitor.kernels.vibration import VIBRATION
 from chatter_monitor.records import Flag
 from chatter_monitor.tracking.margin import Margin
 from chatter_monitor.tracking.margin_tracker import FRAMES_TO_RENEW

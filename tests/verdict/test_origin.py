@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chatter_monitor.kernels.vibrations import NO_LINE, VIBRATION
+from chatter_monitor.kernels.vibration import NO_LINE, VIBRATION
 from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.verdict.origin import OWN, SOON_S, Origin
 from chatter_monitor.verdict.vibrations import Told

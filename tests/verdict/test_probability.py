@@ -10,7 +10,7 @@ from scipy.special import expit, logit
 
 from chatter_monitor.kernels.kinds import LINE
 from chatter_monitor.kernels.overview import Overview, overview
-from chatter_monitor.kernels.vibrations import NO_LINE, VIBRATION
+from chatter_monitor.kernels.vibration import NO_LINE, VIBRATION
 from chatter_monitor.verdict.probability import (
     ALARM,
     BY_LOUDNESS,

@@ -10,16 +10,8 @@ import pytest
 from chatter_monitor.kernels.heard import ORDER_TOLERANCE_HZ, place
 from chatter_monitor.kernels.kinds import LINE
 from chatter_monitor.kernels.swings import LATER
-from chatter_monitor.kernels.vibrations import (
-    FORGOTTEN,
-    FORGOTTEN_CHATTER,
-    JUST_NOW,
-    NO_LINE,
-    VIBRATION,
-    Odds,
-    Rules,
-    follow_all,
-)
+from chatter_monitor.kernels.vibration import NO_LINE, VIBRATION
+from chatter_monitor.kernels.vibrations import FORGOTTEN, FORGOTTEN_CHATTER, JUST_NOW, Odds, Rules, follow_all
 from chatter_monitor.tracking.orders import OrderLine, Orders
 from chatter_monitor.tracking.spectrum import Line
 from chatter_monitor.verdict.evidence import Place, Vibration
@@ -186,6 +178,27 @@ def test_what_has_sidebands_glides_with_no_spindle(carrier, alarm):
         lines["carrier"] = carrier
         known = followed(known, lines)
     assert (known["glided"][0] == 0, known["alarm_for"][0] > 0) == (carrier, alarm)
+
+
+@pytest.mark.parametrize(("unheard", "at_once"), [(False, False), (True, True)])
+@pytest.mark.parametrize(
+    ("other_hz", "glided", "along"), [(500.0, 90, True), (2000.0, 90, True), (510.0, 90, False), (500.0, 0, False)]
+)
+def test_what_is_in_step_with_what_glides_is_taken_along(other_hz, glided, along, unheard, at_once):
+    """A resonance of the third multiple of the teeth, while the spindle that has the others along changes its speed.
+
+    That counts at once where nothing else tells what turns.
+    """
+    known, rules = np.zeros(2, VIBRATION), RULES._replace(unheard=unheard)
+    known["frequency_hz"], known["noise"], known["glided"] = (1000.0, other_hz), 1.0, (0, glided)
+    lines = lines_of(interval(1000.0, other_hz), Odds())
+    lines["order_odds"] = 2.0
+    (first,) = (v for v in followed(known, lines.copy(), rules) if v["frequency_hz"] == 1000.0)
+    assert (first["order_odds"] < 0.5) == (along and at_once)
+    for _ in range(20):
+        known = followed(known, lines.copy(), rules)
+    (vibration,) = (v for v in known if v["frequency_hz"] == 1000.0)
+    assert (vibration["glided"] > 0, vibration["alarm_for"] > 0) == (along, not along)
 
 
 @pytest.mark.parametrize(("glided", "chattered", "saturated"), [(2, True, 1.0), (1, False, 0.0)])

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chatter_monitor.kernels.vibrations import CLIMB, JUST_NOW, SURELY_ON, VIBRATION
+from chatter_monitor.kernels.vibration import VIBRATION
+from chatter_monitor.kernels.vibrations import CLIMB, JUST_NOW, SURELY_ON
 from chatter_monitor.verdict.vibrations import Told
 from chatter_monitor.verdict.withdrawal import Withdrawal
 
