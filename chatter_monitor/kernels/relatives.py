@@ -111,7 +111,8 @@ def _multiple_odds(vibration, line, vibrations, lines):
 def _family_odds(vibration, line, vibrations, lines):
     """Log odds for self-excitation of one whose line this is, by all that it is a multiple of or that are multiples.
 
-    A force gets louder with all of its multiples; and a line with several that are steady was a force's before.
+    A force gets louder with all of its multiples; and a line with several that are steady was a force's before, if it
+    has not chattered: what has brings its overtones.
     """
     relatives = steady = 0
     together = 0.0
@@ -126,7 +127,8 @@ def _family_odds(vibration, line, vibrations, lines):
             steady += other.steady >= RATHER_STEADY
     if line.absolute_rise < AS_EVER:  # what belongs together rises together, and is steady no more then
         vibration.family += OFTEN * ((steady >= FAMILY) - vibration.family)
-    forced = vibration.family > NEARLY_ALWAYS and relatives >= FAMILY and not has_left(vibration, line)
+    lasts = vibration.family > NEARLY_ALWAYS and relatives >= FAMILY
+    forced = lasts and not (vibration.chattered or has_left(vibration, line))
     return together if forced else math.inf
 
 
