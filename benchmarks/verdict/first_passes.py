@@ -45,8 +45,8 @@ class Run:
 def first_pass(cut: Cut, rng: np.random.Generator, *, slowly: bool = False) -> tuple[list[Passage], bool]:
     """A pause, a pass and the air after it; and whether a pump hums all along."""
     level, room = level_and_room(rng, cut.samples)
-    cutting = one_pass(rng, cut, level, SLOWLY_S if slowly else FADE_S)
-    parts = (air(rng, PAUSE_S, blows=False), cutting, air(rng, AFTER_S, blows=False))
+    pause = air(rng, PAUSE_S, blows=False)
+    parts = (pause, one_pass(rng, cut, level, SLOWLY_S if slowly else FADE_S), air(rng, AFTER_S, blows=False))
     named = zip(("pause", cut.name, "air"), parts, strict=True)
     return in_room(rng, room, named, (cut.nominal_rpm, cut.teeth)), room.pump_hz is not None
 
