@@ -257,13 +257,13 @@ class CombFollower:
         """Whether the latest window is whole."""
         return self._heard == self._window
 
-    def faint_lines(self, last: int) -> Lines:
-        """Lines of the window up to a frame, one of the latest few, with faint ones among them."""
-        return self._spectrum(self._window, last).faint_lines()
+    def faint_lines(self, last: int, part: int = 1) -> Lines:
+        """Lines of the last such part of the window up to a frame, one of the latest few, faint ones among them."""
+        return self._spectrum(self._window // part, last).faint_lines()
 
-    def lines_in_step(self, last: int) -> Lines | None:
-        """Lines of the same window, read in step with the strongest."""
-        led = self._led(self._window, last)
+    def lines_in_step(self, last: int, part: int = 1) -> Lines | None:
+        """Lines of the same, read in step with the strongest."""
+        led = self._led(self._window // part, last)
         return None if led is None else led.lines
 
     def _spectrum(self, frames: int, last: int) -> Spectrum:

@@ -328,12 +328,16 @@ class OrderTracker:
         return not (locked or is_mains(comb_hz))
 
     def _find_sidebands(self, last: int) -> Sidebands | None:
+        """Those of the window, or of its last half: of what has begun since then nothing else is heard there."""
+        return self._sidebands_of(last, 1) or self._sidebands_of(last, 2)
+
+    def _sidebands_of(self, last: int, part: int) -> Sidebands | None:
         """A vibration wanders, and its sidebands with it: in step with it they are narrow."""
         told = self._target() if self._believed else None
-        found = find_sidebands(self._followers[0].faint_lines(last), self._settings.slowest_hz, told)
+        found = find_sidebands(self._followers[0].faint_lines(last, part), self._settings.slowest_hz, told)
         if found is not None:
             return found
-        lines = self._followers[0].lines_in_step(last)
+        lines = self._followers[0].lines_in_step(last, part)
         return None if lines is None else find_sidebands(lines, self._settings.slowest_hz, told)
 
     def finish(self) -> list[Orders]:

@@ -358,6 +358,19 @@ def test_sidebands_are_told_as_long_as_they_are_there(spindle):
     assert told[heard[-1]].spacing_hz / 60.0 == pytest.approx(3, abs=0.01)
 
 
+@pytest.mark.parametrize("before", [0.5, 2.0])
+def test_sidebands_are_told_though_other_lines_have_just_gone(before):
+    """Of another cut, and fainter or louder: within half a window and one search, not when all of it has been left."""
+    t = np.arange(at(7)) / RATE_HZ
+    around = 1 + 0.3 * np.cos(2 * np.pi * 180 * t) + 0.1 * np.cos(2 * np.pi * 360 * t)
+    chatter = around * np.cos(2 * np.pi * 19.43 * 60.0 * t) + 0.2 * np.cos(2 * np.pi * 2 * 19.43 * 60.0 * t)
+    others = before * sum(np.cos(2 * np.pi * hertz * t) for hertz in np.random.default_rng(2).uniform(200.0, 3000.0, 8))
+    _, frames = take_out(np.where(t < 5.0, others, chatter) + noise(7, 0.01), UNKNOWN)
+    told = [frame.sidebands for frame in frames if frame.sidebands is not None]
+    assert told[-1].carrier_hz == pytest.approx(19.43 * 60.0, abs=0.5)
+    assert told[-1].spacing_hz == pytest.approx(180.0, abs=0.5)
+
+
 @pytest.mark.parametrize("spindle", [UNKNOWN, SpindleSettings(60 * 60.5, 3)])
 def test_sidebands_of_a_vibration_that_wanders_are_told(spindle):
     """Each is as broad as that is, too broad for a line; in step with the vibration all are narrow."""
