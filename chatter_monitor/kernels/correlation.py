@@ -8,7 +8,8 @@ from numba import njit
 from chatter_monitor.kernels.options import SUMS
 
 
-@njit(**SUMS)
+# Part of each kernel that calls it, as `options.WITHIN` says: a process has the same copy as any other then.
+@njit(forceinline=True, **SUMS)
 def coefficient(a: np.ndarray, b: np.ndarray) -> float:
     """Coefficient of correlation of two stretches, shape (n,) both; 0 if one of them is constant."""
     size = a.shape[0]
