@@ -51,8 +51,9 @@ TWO_PI = 2.0 * math.pi
     HEARD, PREDICTED,
 ) = range(14)  # fmt: skip
 
-# Indices of `OrderState.counts`: samples of the tile that have come; samples folded; times that amplitudes have moved.
-POSITION, FOLDED, LEARNED = range(3)
+# Indices of `OrderState.counts`: samples of the tile that have come; samples folded; times that amplitudes have moved;
+# an order that is left in the signal, 0 for none.
+POSITION, FOLDED, LEARNED, LEFT = range(4)
 
 # Rows of `OrderState.tables`: the signal; the same with each harmonic over the variance of the noise around it.
 SIGNAL, WEIGHTED = range(2)
@@ -91,7 +92,7 @@ class OrderState(NamedTuple):
         The current tile.
     angle : ndarray of float64, shape (14,)
         The Kalman filter.
-    counts : ndarray of int64, shape (3,)
+    counts : ndarray of int64, shape (4,)
     """
 
     real: np.ndarray
@@ -139,7 +140,7 @@ def new_state(orders: int, speed: float, speed_sd: float, drift: tuple[float, fl
         np.zeros((2, points + 3)), np.zeros(points),
         np.zeros(orders + 1, dtype=np.complex128), np.zeros((2, orders + 1), dtype=np.complex128),
         _turns(points), np.zeros((4, points)),
-        np.zeros((4, TILE)), angle, np.zeros(3, dtype=np.int64),
+        np.zeros((4, TILE)), angle, np.zeros(4, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -363,6 +364,8 @@ def _move(state, lowest, memory):
         state.imag[i] = still_there * (state.imag[i] + rate * imag)
         signal = window * (state.real[i] * state.real[i] + state.imag[i] * state.imag[i])
         state.gate[i] = min(max((signal / state.variance[i] - FAINT) / (CLEAR - FAINT), 0.0), 1.0)
+        if order == counts[LEFT]:
+            state.gate[i] = 0.0
         spectra[SIGNAL, order] = complex(state.real[i], state.imag[i]) * (state.gate[i] * 0.5 * points)
         spectra[WEIGHTED, order] = 0.0
         if state.gate[i] == 1.0:

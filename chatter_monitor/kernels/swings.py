@@ -21,6 +21,7 @@ from chatter_monitor.kernels.kinds import LOUDER
 from chatter_monitor.kernels.lines import ABSOLUTE_RISE, ARRIVAL, LONG_RISE, NEWS, RISE, SHARE
 from chatter_monitor.kernels.options import OPTIONS
 from chatter_monitor.kernels.prominence import TINY
+from chatter_monitor.kernels.testimony import is_carrier
 from chatter_monitor.kernels.vibrations import explain
 
 # Ranges of frequencies as wide as this (natural logarithm), from the lowest line that is looked at on.
@@ -83,7 +84,7 @@ def new_swings() -> SwingState:
 
 
 @njit(**OPTIONS)
-def hold_back(heard, power, usual, calm, vibrations, state):
+def hold_back(heard, power, usual, calm, sidebands, vibrations, state):
     """Let no line have risen by more than it is beyond earlier swings, and learn from an interval.
 
     Parameters
@@ -95,6 +96,9 @@ def hold_back(heard, power, usual, calm, vibrations, state):
         not known.
     calm : bool
         Whether there is no alarm, and was none just now.
+    sidebands : tuple of float
+        Frequency of a line with sidebands and their spacing (Hz), NaN without one: what noise drives has none. So when
+        that came with the tool it was not there before, however far it has swung since.
     vibrations : ndarray of VIBRATION, shape (m,)
         Those that are followed, for which of them an alarm is about.
     state : SwingState
@@ -119,7 +123,10 @@ def hold_back(heard, power, usual, calm, vibrations, state):
         amplitude = 0.5 * math.log(here)
         place = _place(line[HERTZ])
         if not (usual > 0.0 and here > BEYOND * usual):
+            arrival = line[ARRIVAL]
             _limit(line, LOUDER + amplitude - max(_around(state.highest, place), _around(state.here, place)))
+            if is_carrier(line[HERTZ], sidebands[0], sidebands[1]):
+                line[ARRIVAL] = arrival
         if calm:
             state.now[place] = max(state.now[place], amplitude)
             state.crest[place] = max(state.crest[place], amplitude)

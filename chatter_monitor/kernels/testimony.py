@@ -76,7 +76,6 @@ def witness(heard, taken, found, spindle, carrier_hz, spacing_hz, growth, power,
         The result.
     """
     strongest = 0
-    reach_hz = max(CARRIER_HZ, spacing_hz) if spacing_hz < APART_HZ else CARRIER_HZ
     quieter = power / usual if power < usual else 1.0
     for i in range(heard.shape[0]):
         strongest = i if heard[i, SHARE] > heard[strongest, SHARE] else strongest
@@ -88,7 +87,7 @@ def witness(heard, taken, found, spindle, carrier_hz, spacing_hz, growth, power,
         _copy(seen, line)
         line.power = power
         line.arrival = 0.0
-        line.carrier = abs(seen[HERTZ] - carrier_hz) < reach_hz and seen[ABSOLUTE_RISE] > DIED_DOWN
+        line.carrier = is_carrier(seen[HERTZ], carrier_hz, spacing_hz) and seen[ABSOLUTE_RISE] > DIED_DOWN
         line.order_odds = OFF_ORDERS if line.carrier else _order_odds(seen, found, spindle, odds)
         own = _own_share(seen, taken, power)
         line.dominance = own * quieter
@@ -110,6 +109,13 @@ def witness(heard, taken, found, spindle, carrier_hz, spacing_hz, growth, power,
             # out of step is off the orders, whatever the speed; and all power is its but what there was before
             line.order_odds = max(line.order_odds, odds.off_found)
             line.dominance = max(line.dominance, 1.0 - math.exp(-2.0 * growth))
+
+
+@njit(**OPTIONS)
+def is_carrier(hertz, carrier_hz, spacing_hz):
+    """Whether a line is the one with sidebands, or an overtone of that."""
+    reach_hz = max(CARRIER_HZ, spacing_hz) if spacing_hz < APART_HZ else CARRIER_HZ
+    return min(abs(hertz - carrier_hz), abs(hertz - 2.0 * carrier_hz)) < reach_hz
 
 
 @njit(**OPTIONS)

@@ -27,8 +27,9 @@ STRONGEST = 12
 # Lines below this share of the strongest one's power (-26 dB) are left alone: there are products of stronger lines, and
 # little to take out.
 FAINTEST = 1.0 / 400.0
-# Sidebands of a line are many, and as faint as this beside it (-40 dB).
-MANY, FAINT = 24, 1e-4
+# Sidebands of a line are many, and as faint as this beside it (-40 dB). Of a comb that is known so many lines are
+# enough: a tool that strikes has more, and they are louder.
+MANY, FAINT, KNOWN = 24, 1e-4, 8
 # How far from its mean a line is followed in whose step the others are read, relatively and at least (Hz).
 STEP_WIDTH, LEAST_STEP_WIDTH_HZ = 0.012, 3.0
 # Time over which its frequency at the beginning is averaged.
@@ -257,24 +258,31 @@ class Spectrum:
         peaks = self._peaks[: kernel.crests(power, LINE_TO_NOISE, self._lowest, self._scratch, self._peaks)]
         return self._apart(peaks[power[peaks] >= FAINTEST * power[peaks].max(initial=0.0)], STRONGEST)
 
-    def faint_lines(self) -> Lines:
-        """More lines, and fainter ones, that stand out of the noise next to them: beside stronger ones, too."""
+    def faint_lines(self, known_hz: float | None = None) -> Lines:
+        """More lines, and fainter ones, that stand out of the noise next to them: beside stronger ones, too.
+
+        Few of them are of a comb of known fundamental.
+        """
         power = self._power
         least = FAINT * power[self._lowest :].max()
         count = kernel.crests_beside(power, LINE_TO_NOISE, self._lowest, least, self._peaks)
-        return self._apart(self._peaks[:count], MANY)
+        return self._apart(self._peaks[:count], MANY, known_hz)
 
-    def _apart(self, peaks: NDArray[np.int64], most: int) -> Lines:
+    def _apart(self, peaks: NDArray[np.int64], most: int, known_hz: float | None = None) -> Lines:
         """So many lines at most, from crests of the spectrum."""
         power = self._power
         strongest = peaks[np.argsort(-power[peaks], kind="stable")][: 4 * most]
         left, middle, right = (np.log(power[strongest + shift]) for shift in (-1, 0, 1))
         frequency = (strongest + 0.5 * (left - right) / (left - 2.0 * middle + right)) * self._bin_hz
         tolerance = self._exact_hz + EXACT_SHARE * frequency
+        lines = Lines(frequency, tolerance)
+        if known_hz is not None:
+            on = lines.on(known_hz)
+            lines = lines.without(on & (np.cumsum(on) > KNOWN))
         # a line whose frequency moves has several crests
         kept = np.empty(most, np.int64)
-        kept = kept[: kernel.apart(frequency, 3.0 * tolerance, kept)]
-        return Lines(frequency[kept], tolerance[kept])
+        kept = kept[: kernel.apart(lines.frequency_hz, 3.0 * lines.tolerance_hz, kept)]
+        return Lines(lines.frequency_hz[kept], lines.tolerance_hz[kept])
 
 
 def find_comb(lines: Lines, target: Target) -> Comb | None:

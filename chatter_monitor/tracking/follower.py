@@ -35,6 +35,7 @@ OFTEN = 5  # times within a window that a comb of unknown speed is looked for, w
 CHECK_FRAMES = 5  # from one look at whether it still is a comb to the next
 ANOTHER_SPEED = 0.01  # relatively: more than a spindle wanders
 CATCH_UP_FRAMES = 16  # of the past that a new comb is followed through while one comes in
+HUMS = 12  # multiples of the mains that are loud; what is at a higher one is there by chance
 
 
 class Beside(NamedTuple):
@@ -236,9 +237,13 @@ class CombFollower:
     def _check(self, harmonics: Harmonics, sidebands: Sidebands | None) -> None:
         """Give up a comb that has a vibration with sidebands among its lines, or has not been one for too long.
 
-        Where the speed changes, it stays one.
+        Where the speed changes, it stays one. The mains have a high multiple near anything: that is left to the
+        vibration, and they hum on.
         """
-        if sidebands is not None and not _is_told(self._followed) and sidebands.on(harmonics.rotation_hz):
+        order = None if sidebands is None or _is_told(self._followed) else sidebands.order(harmonics.rotation_hz)
+        by_chance = order is not None and order > HUMS and is_mains(harmonics.rotation_hz)
+        harmonics.leave(order if by_chance else None)
+        if order is not None and not by_chance:
             self.harmonics = None
             self._rest = self._window // 2  # or it would be found again in what has not changed
             return
@@ -257,9 +262,12 @@ class CombFollower:
         """Whether the latest window is whole."""
         return self._heard == self._window
 
-    def faint_lines(self, last: int, part: int = 1) -> Lines:
-        """Lines of the last such part of the window up to a frame, one of the latest few, faint ones among them."""
-        return self._spectrum(self._window // part, last).faint_lines()
+    def faint_lines(self, last: int, part: int = 1, known_hz: float | None = None) -> Lines:
+        """Lines of the last such part of the window up to a frame, one of the latest few, faint ones among them.
+
+        Few of them are of a comb of known fundamental.
+        """
+        return self._spectrum(self._window // part, last).faint_lines(known_hz)
 
     def lines_in_step(self, last: int, part: int = 1) -> Lines | None:
         """Lines of the same, read in step with the strongest."""
@@ -372,7 +380,7 @@ class CombFollower:
             return comb
         with_sidebands = faint()
         sidebands = find_sidebands(with_sidebands, target.low_hz) or beside.sidebands
-        if sidebands is not None and sidebands.on(comb.fundamental_hz):
+        if sidebands is not None and sidebands.order(comb.fundamental_hz) is not None:
             comb = find_any_comb(lines.without(sidebands.of(lines)), target)
         if comb is None or is_mains(comb.fundamental_hz):
             return comb

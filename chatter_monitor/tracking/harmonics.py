@@ -80,6 +80,10 @@ class Harmonics:
             return
         self._learn(state, self._lowest, self._memory)
 
+    def leave(self, order: int | None) -> None:
+        """Leave one order in the signal from now on: something else is there, too; or none any more."""
+        self._state.counts[kernel.LEFT] = order or 0
+
     def clear(self) -> NDArray[np.int64]:
         """Orders that are steady beyond doubt."""
         return np.flatnonzero(self._state.gate == 1.0) + 1

@@ -43,10 +43,10 @@ class Sidebands(NamedTuple):
         """Which lines are the vibration's, its overtone's, or sidebands of either."""
         return lines.beside(self.carrier_hz, self.spacing_hz) | lines.beside(2.0 * self.carrier_hz, self.spacing_hz)
 
-    def on(self, fundamental_hz: float) -> bool:
-        """Whether the vibration cannot be told from a multiple of a frequency."""
-        order = self.carrier_hz / fundamental_hz
-        return abs(order - round(order)) * fundamental_hz <= self.tolerance_hz
+    def order(self, fundamental_hz: float) -> int | None:
+        """That multiple of a frequency which the vibration cannot be told from; None if it is at none."""
+        order = round(self.carrier_hz / fundamental_hz)
+        return order if abs(self.carrier_hz - order * fundamental_hz) <= self.tolerance_hz else None
 
 
 class _Range(NamedTuple):

@@ -155,6 +155,8 @@ def test_growth_is_the_strongest_lines():
         (520.0, 30.0, 0.0, True),  # so near to each other they are one line, anywhere between
         (535.0, 30.0, 0.0, False),
         (505.0, 100.0, -1.0, False),
+        (1005.0, 100.0, 0.0, True),  # its overtone
+        (1520.0, 100.0, 0.0, False),
     ],
 )
 def test_what_has_sidebands_is_on_no_order(hertz, spacing_hz, fell, carrier):

@@ -387,6 +387,30 @@ def test_sidebands_of_a_vibration_that_wanders_are_told(spindle):
     assert all(each.carrier_hz == pytest.approx(1031.0, rel=4e-3) for each in told)
 
 
+def test_sidebands_are_told_among_many_louder_lines_of_a_spindle():
+    """A single tooth that strikes has more lines than are looked at, all louder; it is known, and few of it will do."""
+    t = np.arange(at(8)) / RATE_HZ
+    around = 1 + 0.1 * sum(np.cos(2 * np.pi * n * 30.5 * t + n) for n in (1, 2, 3, 4, 5))
+    chatter = around * np.cos(2 * np.pi * 10.42 * 30.5 * t)
+    strikes = comb(8, 30.5, dict.fromkeys(range(1, 28), 0.15))
+    _, frames = take_out(chatter + strikes + noise(8, 0.003), SpindleSettings(60 * 30.6, 1))
+    told = [frame.sidebands for frame in frames[120:]]
+    assert all(told)
+    assert all(each.carrier_hz == pytest.approx(10.42 * 30.5, abs=0.5) for each in told)
+
+
+def test_the_mains_are_not_given_up_for_sidebands():
+    """A vibration that begins at one of their high multiples is none of them; what hums goes on to be taken out."""
+    t = np.arange(at(10)) / RATE_HZ
+    around = 1 + 0.3 * sum(np.cos(2 * np.pi * n * 183.4 * t + n) for n in (1, 2, 3, 4))
+    chatter = around * (np.cos(2 * np.pi * 1900.2 * t) + 0.3 * np.cos(2 * np.pi * 2 * 1900.2 * t))
+    hum = comb(10, 50.0, {2: 0.5, 4: 0.3, 6: 0.3})
+    samples = np.where(t > 4.0, chatter, 0.0) + noise(10, 0.01)
+    residual, frames = take_out(samples + hum, UNKNOWN)
+    assert frames[-1].sidebands.carrier_hz == pytest.approx(1900.2, abs=0.5)
+    assert power(residual, 9) == pytest.approx(power(samples, 9), rel=0.05)
+
+
 @pytest.mark.parametrize("spindle", [UNKNOWN, GIVEN])
 def test_what_turns_has_no_sidebands(spindle):
     """Not even one that is told 2 % off, with teeth that are not alike, before it is found or after."""
