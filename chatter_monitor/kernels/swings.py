@@ -125,7 +125,7 @@ def hold_back(heard, power, usual, calm, sidebands, vibrations, state):
         if not (usual > 0.0 and here > BEYOND * usual):
             arrival = line[ARRIVAL]
             _limit(line, LOUDER + amplitude - max(_around(state.highest, place), _around(state.here, place)))
-            if is_carrier(line[HERTZ], sidebands[0], sidebands[1]):
+            if is_carrier(heard, i, sidebands[0], sidebands[1]):
                 line[ARRIVAL] = arrival
         if calm:
             state.now[place] = max(state.now[place], amplitude)

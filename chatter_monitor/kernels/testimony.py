@@ -87,7 +87,7 @@ def witness(heard, taken, found, spindle, carrier_hz, spacing_hz, growth, power,
         _copy(seen, line)
         line.power = power
         line.arrival = 0.0
-        line.carrier = is_carrier(seen[HERTZ], carrier_hz, spacing_hz) and seen[ABSOLUTE_RISE] > DIED_DOWN
+        line.carrier = is_carrier(heard, i, carrier_hz, spacing_hz) and seen[ABSOLUTE_RISE] > DIED_DOWN
         line.order_odds = OFF_ORDERS if line.carrier else _order_odds(seen, found, spindle, odds)
         own = _own_share(seen, taken, power)
         line.dominance = own * quieter
@@ -112,10 +112,15 @@ def witness(heard, taken, found, spindle, carrier_hz, spacing_hz, growth, power,
 
 
 @njit(**OPTIONS)
-def is_carrier(hertz, carrier_hz, spacing_hz):
-    """Whether a line is the one with sidebands, or an overtone of that."""
+def is_carrier(heard, i, carrier_hz, spacing_hz):
+    """Whether a line is the one with sidebands, or twice that and louder: which of the two it is they do not tell."""
     reach_hz = max(CARRIER_HZ, spacing_hz) if spacing_hz < APART_HZ else CARRIER_HZ
-    return min(abs(hertz - carrier_hz), abs(hertz - 2.0 * carrier_hz)) < reach_hz
+    half = 0.0
+    for other in heard:
+        if abs(other[HERTZ] - carrier_hz) < reach_hz:
+            half = max(half, other[SHARE])
+    twice = abs(heard[i, HERTZ] - 2.0 * carrier_hz) < reach_hz and 0.0 < half < heard[i, SHARE]
+    return abs(heard[i, HERTZ] - carrier_hz) < reach_hz or twice
 
 
 @njit(**OPTIONS)

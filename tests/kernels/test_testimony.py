@@ -148,6 +148,20 @@ def test_growth_is_the_strongest_lines():
 
 
 @pytest.mark.parametrize(
+    ("hertz", "share", "carriers"),
+    [
+        ([505.0, 1005.0], [0.1, 0.3], [True, True]),
+        ([505.0, 1005.0], [0.3, 0.1], [True, False]),  # an overtone
+        ([1005.0], [0.3], [False]),  # what has sidebands is over
+        ([505.0, 1520.0], [0.1, 0.3], [True, False]),
+    ],
+)
+def test_what_is_louder_at_twice_the_frequency_may_be_what_has_sidebands(hertz, share, carriers):
+    said = said_of(np.array([line(*each) for each in zip(hertz, share, strict=True)]), carrier_hz=500.0)
+    assert said["carrier"].tolist() == carriers
+
+
+@pytest.mark.parametrize(
     ("hertz", "spacing_hz", "fell", "carrier"),
     [
         (505.0, 100.0, 0.0, True),
@@ -155,8 +169,6 @@ def test_growth_is_the_strongest_lines():
         (520.0, 30.0, 0.0, True),  # so near to each other they are one line, anywhere between
         (535.0, 30.0, 0.0, False),
         (505.0, 100.0, -1.0, False),
-        (1005.0, 100.0, 0.0, True),  # its overtone
-        (1520.0, 100.0, 0.0, False),
     ],
 )
 def test_what_has_sidebands_is_on_no_order(hertz, spacing_hz, fell, carrier):
