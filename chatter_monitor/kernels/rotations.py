@@ -32,6 +32,9 @@ IN_A_ROW, GROWN, NO_MORE = 4, 0.5, 0.25
 JUMP, BEYOND_A_JUMP = 0.4, 0.25
 # Out of step is a mean cosine of the phase below that of 60 degrees.
 OUT_OF_STEP = 0.5
+# A phase is one of waves: half a wave from where they repeat, on one side or the other, they are the opposite, by so
+# much of that at least. Blows that repeat have next to nothing there, or a ripple on what repeats more slowly.
+OPPOSITE = 0.5
 # Within a rotation it repeats by so much less, at lags from so many frames on to so near a whole rotation: a mode that
 # noise drives repeats the more the nearer, and teeth repeat more often.
 IN_BETWEEN, NEAREST, NEXT = 0.6, 0.36, 0.9
@@ -145,7 +148,7 @@ def growth(rotations: np.ndarray, repeats: Repeats) -> float:
 
 @njit(**OPTIONS)
 def cosine(correlation: np.ndarray) -> float:
-    """Cosine of the phase of a correlation where its envelope is largest; 1 where that is not found.
+    """Cosine of the phase of a correlation where its envelope is largest; 1 where that is not found, or no waves are.
 
     Parameters
     ----------
@@ -154,6 +157,8 @@ def cosine(correlation: np.ndarray) -> float:
     """
     crest = np.argmax(correlation)
     before, after = _next_crest(correlation, crest, -1), _next_crest(correlation, crest, 1)
+    if _lowest(correlation, max(before, 0), after) > -OPPOSITE * correlation[crest]:
+        return 1.0
     omega = 4.0 * math.pi / max(after - before, 1)
     reach = round(WAVES * 2.0 * math.pi / omega)
     last = correlation.shape[0] - 1 - reach
@@ -182,6 +187,15 @@ def _next_crest(values, crest, step):
     while 0 < i < values.shape[0] - 1 and values[i + step] > values[i]:
         i += step
     return i
+
+
+@njit(**OPTIONS)
+def _lowest(values, begin, end):
+    """The least from one to another."""
+    lowest = math.inf
+    for i in range(begin, end + 1):
+        lowest = min(lowest, values[i])
+    return lowest
 
 
 @njit(**OPTIONS)

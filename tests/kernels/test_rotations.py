@@ -108,6 +108,19 @@ def test_what_repeats_within_a_rotation_is_not_for_this(teeth):
     assert listen(np.concatenate([(turn * one).real for turn in turns])).max() == 0.0
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("ripple", [0.2, 0.3])
+def test_blows_that_repeat_and_get_louder_have_no_phase(ripple, seed):
+    """A tooth that strikes: a ripple rides on what takes most of a rotation, and comes back a little otherwise."""
+    steps = np.concatenate([np.ones(CALM), np.full(4, 1.2), np.ones(3 * CALM)])
+    turn = np.exp(1j * np.random.default_rng(seed).uniform(2.0, 4.0, len(steps))).cumprod()
+    blow = np.sin(np.pi * np.arange(ROTATION) / ROTATION) ** 8 - 0.27
+    one = wave(ROTATION, seed)
+    turns = zip(np.cumprod(steps), turn, strict=True)
+    samples = np.concatenate([gain * (blow + ripple * (phase * one).real) for gain, phase in turns])
+    assert not listen(samples + 0.01 * np.random.default_rng(seed).standard_normal(len(samples))).any()
+
+
 def test_noise_and_what_it_drives_do_not_grow():
     """A minute of noise, and of a mode of 0.4 % damping that it drives."""
     noise = np.random.default_rng(5).standard_normal(60 * RATE)
