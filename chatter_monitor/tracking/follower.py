@@ -35,7 +35,7 @@ OFTEN = 5  # times within a window that a comb of unknown speed is looked for, w
 CHECK_FRAMES = 5  # from one look at whether it still is a comb to the next
 ANOTHER_SPEED = 0.01  # relatively: more than a spindle wanders
 CATCH_UP_FRAMES = 16  # of the past that a new comb is followed through while one comes in
-HUMS = 12  # multiples of the mains that are loud; what is at a higher one is there by chance
+HUMS_BELOW_HZ = 700.0  # the mains, loudly; what is at a higher multiple of them is there by chance
 
 
 class Beside(NamedTuple):
@@ -240,8 +240,9 @@ class CombFollower:
         Where the speed changes, it stays one. The mains have a high multiple near anything: that is left to the
         vibration, and they hum on.
         """
-        order = None if sidebands is None or _is_told(self._followed) else sidebands.order(harmonics.rotation_hz)
-        by_chance = order is not None and order > HUMS and is_mains(harmonics.rotation_hz)
+        rotation_hz = harmonics.rotation_hz
+        order = None if sidebands is None or _is_told(self._followed) else sidebands.order(rotation_hz)
+        by_chance = order is not None and order * rotation_hz > HUMS_BELOW_HZ and is_mains(rotation_hz)
         harmonics.leave(order if by_chance else None)
         if order is not None and not by_chance:
             self.harmonics = None
