@@ -157,7 +157,8 @@ def cosine(correlation: np.ndarray) -> float:
     """
     crest = np.argmax(correlation)
     before, after = _next_crest(correlation, crest, -1), _next_crest(correlation, crest, 1)
-    if _lowest(correlation, max(before, 0), after) > -OPPOSITE * correlation[crest]:
+    begin, end = max(before, 0), min(after, correlation.shape[0] - 1)  # beside the first and the last there is no crest
+    if _lowest(correlation, begin, end) > -OPPOSITE * correlation[crest]:
         return 1.0
     omega = 4.0 * math.pi / max(after - before, 1)
     reach = round(WAVES * 2.0 * math.pi / omega)

@@ -123,10 +123,8 @@ def hold_back(heard, power, usual, calm, sidebands, vibrations, state):
         amplitude = 0.5 * math.log(here)
         place = _place(line[HERTZ])
         if not (usual > 0.0 and here > BEYOND * usual):
-            arrival = line[ARRIVAL]
-            _limit(line, LOUDER + amplitude - max(_around(state.highest, place), _around(state.here, place)))
-            if is_carrier(heard, i, sidebands[0], sidebands[1]):
-                line[ARRIVAL] = arrival
+            most = LOUDER + amplitude - max(_around(state.highest, place), _around(state.here, place))
+            _limit(line, most, is_carrier(heard, i, sidebands[0], sidebands[1]))
         if calm:
             state.now[place] = max(state.now[place], amplitude)
             state.crest[place] = max(state.crest[place], amplitude)
@@ -251,8 +249,10 @@ def _around(amplitudes, place):
 
 
 @njit(**OPTIONS)
-def _limit(line, most):
-    """Let a line have risen by so much at most; what has not risen stays as it is."""
+def _limit(line, most, carrier):
+    """Let a line have risen by so much at most, and have come by no more but for a carrier; what has not stays so."""
     most = max(most, 0.0)
-    for measure in (RISE, LONG_RISE, ABSOLUTE_RISE, NEWS, ARRIVAL):
+    for measure in (RISE, LONG_RISE, ABSOLUTE_RISE, NEWS):
         line[measure] = min(line[measure], most)
+    if not carrier:
+        line[ARRIVAL] = min(line[ARRIVAL], most)

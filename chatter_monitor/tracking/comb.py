@@ -53,6 +53,8 @@ FIRST_MULTIPLES = 4
 # The mains hum at multiples of their frequency, or of twice that. A grid keeps to that within 0.1 %, at worst 0.2 %,
 # and a window is read as exactly; what is farther away may be a spindle.
 MAINS_HZ, MAINS_KEEP = (50.0, 60.0), 0.0025
+# They hum loudly up to here; what is at a higher multiple of them is there by chance.
+HUMS_BELOW_HZ = 700.0
 # Rotations after which chatter that has locked to the teeth comes back at most, and how exactly: no speed is quite
 # constant.
 LOCKED_FOR, LOCKED_WITHIN = 8, 0.003

@@ -15,6 +15,7 @@ from chatter_monitor.kernels.conditioning import copy_present
 from chatter_monitor.kernels.heard import WANDER
 from chatter_monitor.tracking.comb import (
     ENOUGH,
+    HUMS_BELOW_HZ,
     Comb,
     Led,
     Lines,
@@ -35,7 +36,6 @@ OFTEN = 5  # times within a window that a comb of unknown speed is looked for, w
 CHECK_FRAMES = 5  # from one look at whether it still is a comb to the next
 ANOTHER_SPEED = 0.01  # relatively: more than a spindle wanders
 CATCH_UP_FRAMES = 16  # of the past that a new comb is followed through while one comes in
-HUMS_BELOW_HZ = 700.0  # the mains, loudly; what is at a higher multiple of them is there by chance
 
 
 class Beside(NamedTuple):

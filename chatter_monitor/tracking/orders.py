@@ -334,13 +334,13 @@ class OrderTracker:
     def _sidebands_of(self, last: int, part: int) -> Sidebands | None:
         """A vibration wanders, and its sidebands with it: in step with it they are narrow."""
         told = self._target() if self._believed else None
-        turns = self._followers[0].harmonics if told is not None else None
-        lines = self._followers[0].faint_lines(last, part, None if turns is None else turns.rotation_hz)
-        found = find_sidebands(lines, self._settings.slowest_hz, told)
+        turns = self._followers[0].harmonics
+        known_hz = turns.rotation_hz if told is not None and turns is not None else None
+        found = find_sidebands(self._followers[0].faint_lines(last, part, known_hz), self._settings.slowest_hz, told)
         if found is not None:
             return found
-        in_step = self._followers[0].lines_in_step(last, part)
-        return None if in_step is None else find_sidebands(in_step, self._settings.slowest_hz, told)
+        lines = self._followers[0].lines_in_step(last, part)
+        return None if lines is None else find_sidebands(lines, self._settings.slowest_hz, told)
 
     def finish(self) -> list[Orders]:
         """What can be said of the last, shorter frame."""
