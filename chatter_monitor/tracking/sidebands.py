@@ -28,6 +28,9 @@ ENOUGH = math.log(1e4)
 AHEAD = 5.0
 # And those by which a comb has to be ahead of sidebands.
 AHEAD_OF_SIDEBANDS = 3.0
+# Where the spacing may as well be the vibration, and the vibration a sideband of that, it has so many lines itself:
+# with one sideband, which may be there by chance, it is a tone beside a comb.
+BOTH_WAYS = 3
 NO_LINE = -1
 
 
@@ -96,15 +99,14 @@ def find_sidebands(lines: Lines, slowest_hz: float, told: Target | None = None) 
         return None
     if any(comb > found.evidence - AHEAD for comb in _combs(lines, carrier, found, ranges)):
         return None
-    spacing_hz = found.spacing_hz
-    if told is None or not told.may_be(spacing_hz):
-        # each of two frequencies has the other between its lines: the stronger is the vibration's
-        away_hz = np.abs(lines.frequency_hz[:carrier] - spacing_hz)
-        stronger = np.flatnonzero(away_hz <= lines.tolerance_hz[:carrier])
-        if len(stronger):
-            spacing_hz = carrier_hz
-            carrier_hz, tolerance_hz = lines.at(stronger[0])
-    return Sidebands(carrier_hz, tolerance_hz, spacing_hz, found.evidence)
+    sidebands = Sidebands(carrier_hz, tolerance_hz, found.spacing_hz, found.evidence)
+    is_told = told is not None and told.may_be(found.spacing_hz)
+    if is_told or np.count_nonzero(sidebands.of(lines)) < BOTH_WAYS:
+        return sidebands
+    # each of two frequencies has the other between its lines: the stronger is the vibration's
+    away_hz = np.abs(lines.frequency_hz[:carrier] - found.spacing_hz)
+    stronger = np.flatnonzero(away_hz <= lines.tolerance_hz[:carrier])
+    return Sidebands(*lines.at(stronger[0]), carrier_hz, found.evidence) if len(stronger) else sidebands
 
 
 def may_be_sidebands(lines: Lines, fundamental_hz: float, slowest_hz: float) -> bool:

@@ -52,6 +52,14 @@ def test_of_two_frequencies_that_beat_the_stronger_is_the_vibration(stronger):
     assert (told.carrier_hz, told.spacing_hz) == (pytest.approx(405.0, abs=0.3), pytest.approx(340.5, abs=0.3))
 
 
+def test_teeth_beside_two_tones_are_no_vibration():
+    """One tone is by chance where a sideband of the other is; those of the teeth would be of nothing that is heard."""
+    hertz = np.array([204.09, 751.11, 341.92, 408.17, 612.83, 1021.79])
+    some = Lines(hertz, 0.56 + 3e-4 * hertz)
+    for found in (find_sidebands(some, SLOWEST_HZ), find_sidebands(some, SLOWEST_HZ, Target(66.0, 70.0, 5))):
+        assert found is None or found.order(204.2) is None
+
+
 @pytest.mark.parametrize(
     "others",
     [
