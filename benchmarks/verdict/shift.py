@@ -6,10 +6,11 @@ blows, pumps and levels are drawn afresh all day long. With a library of 60 cuts
 The standard library is that of the days from which rules were learned: ``--first`` takes others.
 
 Jobs have a cutter, a speed and a few dozen passes. A new speed is announced to the monitor in seven jobs of ten; in the
-others it goes on believing the old one.
+others it goes on believing the old one. A tool that enters slowly takes up to 0.6 s, as one that is fed into the side
+of the work does.
 
 Run: python -m benchmarks.verdict.shift [--hours 8] [--seed 1] [--speed known|unknown] [--split report|development]
-    [--first N] [--cache DIR]
+    [--first N] [--cache DIR] [--slowly]
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ LIBRARY = 60
 # A pump or the mains is heard while nothing is cut, too: in a piece of such a cut its tone would come with the tool.
 TONES = ("background_tone", "hum")
 ANNOUNCED = 0.7
-FADE_S = (0.005, 0.1)
+FADE_S, SLOWLY_S = (0.005, 0.1), (0.1, 0.6)
 PASS_S, GAP_S, PAUSE_S = (2.0, 12.0), (0.3, 6.0), (5.0, 60.0)
 SETTLED = 256  # samples after which the filter of the noise has forgotten its start
 
@@ -66,18 +67,18 @@ def _is_stable(cut: Cut) -> bool:
     return bool((cut.truth.damping_ratio > 0).all()) and not (cut.truth.label == Label.SELF_EXCITED).any()
 
 
-def shift(cuts: list[Cut], seconds: float, seed: int) -> Iterator[Passage]:
+def shift(cuts: list[Cut], seconds: float, seed: int, fade_s: tuple[float, float] = FADE_S) -> Iterator[Passage]:
     """Yield the day piece by piece, each with what is being done and the speed if one is announced with it."""
     rng = np.random.default_rng(seed)
     left = round(seconds * RATE_HZ)
-    for passage in _day(rng, cuts):
+    for passage in _day(rng, cuts, fade_s):
         yield Passage(passage.samples[:left], passage.doing, passage.announced)
         left -= len(passage.samples)
         if left <= 0:
             return
 
 
-def _day(rng: np.random.Generator, cuts: list[Cut]) -> Iterator[Passage]:
+def _day(rng: np.random.Generator, cuts: list[Cut], fade_s: tuple[float, float]) -> Iterator[Passage]:
     at = 0
     while True:
         cut = cuts[int(rng.integers(len(cuts)))]
@@ -93,7 +94,7 @@ def _day(rng: np.random.Generator, cuts: list[Cut]) -> Iterator[Passage]:
             if doing.startswith("cut"):
                 samples, doing = air(rng, GAP_S, blows=rng.random() < 0.3), "air"
             else:
-                samples, doing = one_pass(rng, cut, level), f"cut {cut.name}"
+                samples, doing = one_pass(rng, cut, level, fade_s), f"cut {cut.name}"
 
 
 def level_and_room(rng: np.random.Generator, samples: Floats) -> tuple[float, Room]:
@@ -156,6 +157,14 @@ def in_room(
     return passages
 
 
+def choose_entry(parser: argparse.ArgumentParser) -> None:
+    """Add the option that says how fast a tool enters and leaves."""
+    parser.add_argument(
+        "--slowly", dest="fade_s", action="store_const", const=SLOWLY_S, default=FADE_S,
+        help="tools take 0.1 to 0.6 s to enter and to leave, not 5 to 100 ms",
+    )  # fmt: skip
+
+
 def choose_library(parser: argparse.ArgumentParser) -> None:
     """Add the options that say which cuts a library is made of, and the seed of what is done with them."""
     parser.add_argument("--seed", type=int, default=1)
@@ -174,6 +183,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.verdict.shift", description=__doc__)
     parser.add_argument("--hours", type=float, default=8.0)
     parser.add_argument("--speed", choices=("known", "unknown"), default="known", help="whether speeds are announced")
+    choose_entry(parser)
     choose_library(parser)
     chosen = parser.parse_args()
     cuts = library(LIBRARY, chosen.cache, chosen.split, chosen.first)
@@ -183,7 +193,9 @@ def main() -> None:
     events, generating, began = 0, 0.0, time.perf_counter()
     with Progress(console=Console(stderr=True)) as progress:
         task = progress.add_task("shift", total=seconds)
-        for heard in watch(shift(cuts, seconds, chosen.seed), announce=chosen.speed == "known", ahead=True):
+        for heard in watch(
+            shift(cuts, seconds, chosen.seed, chosen.fade_s), announce=chosen.speed == "known", ahead=True
+        ):
             states.update(heard.states)
             alarms[heard.doing] += heard.states.count("self_excited")
             events += heard.events
