@@ -20,8 +20,8 @@ from chatter_monitor.kernels.options import OPTIONS
 
 # Multiples of the vibration's frequency that have sidebands; beside those there are multiples of the spacing itself.
 OVERTONES = 2
-# How far from any multiple of the spacing the vibration has to be: in tolerances, and relatively, for a speed that
-# wanders blurs high multiples, which then have crests beside them.
+# How far from any multiple of the spacing the vibration has to be, and that from any of the vibration: in tolerances,
+# and relatively, for a speed that wanders blurs high multiples, which then have crests beside them.
 CLEAR, CLEAR_SHARE = 3.0, 0.006
 # Most teeth of a spindle. What a chip is thick varies from tooth to tooth, so that the rotation is heard between them.
 MOST_TEETH = 6
@@ -245,10 +245,11 @@ def _log_choices(n, k):
 
 @njit(**OPTIONS)
 def is_clear(carrier, spacing, tolerance):
-    """Whether a line is no multiple of a spacing, nor of a half or third of it: two or three teeth not alike."""
+    """Whether neither is a multiple of the other, nor the line one of a half or third of a spacing: teeth not alike."""
     if _away(carrier, spacing / 2.0) <= ROUGHLY * tolerance or _away(carrier, spacing / 3.0) <= ROUGHLY * tolerance:
         return False
-    return _away(carrier, spacing) > CLEAR * tolerance + CLEAR_SHARE * carrier
+    least = CLEAR * tolerance
+    return min(_away(carrier, spacing), _away(spacing, carrier)) > least + CLEAR_SHARE * max(carrier, spacing)
 
 
 @njit(**OPTIONS)

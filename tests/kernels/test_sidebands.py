@@ -58,11 +58,13 @@ def test_more_is_said_by_lines_of_the_teeth():
 
 
 def test_a_multiple_of_the_spacing_is_none():
-    """Nor is what is near one, in tolerances and relatively: a speed that wanders blurs high multiples."""
+    """Nor is what is near one, in tolerances and relatively: a speed that wanders blurs multiples. Nor the reverse."""
     assert kernel.is_clear(605.0, 60.0, 0.3)
     assert not kernel.is_clear(604.0, 60.0, 0.3)
     assert not kernel.is_clear(605.0, 60.0, 0.5)
     assert kernel.is_clear(125.0, 60.0, 0.3)
+    assert kernel.is_clear(273.8, 553.0, 0.36)
+    assert not kernel.is_clear(273.8, 549.7, 0.36)
 
 
 def twin_of_a_comb(hertz, off, spacing, teeth):
