@@ -317,11 +317,15 @@ def find_told_comb(lines: Lines, told: Target) -> Comb | None:
 
     The more lines there are that are not its own, the more of its own it takes to tell it from chance.
     """
+    return find_comb(beside_hum(lines, told), told)
+
+
+def beside_hum(lines: Lines, told: Target | None, below_hz: float = math.inf) -> Lines:
+    """Lines that the mains do not explain, of those below a frequency; all of them where a told spindle may do so."""
     hum = _hum(lines)
-    beside_hum = (
-        lines if hum is None or told.may_be(hum.fundamental_hz) else lines.without(lines.on(hum.fundamental_hz))
-    )
-    return find_comb(beside_hum, told)
+    if hum is None or (told is not None and told.may_be(hum.fundamental_hz)):
+        return lines
+    return lines.without(lines.on(hum.fundamental_hz) & (lines.frequency_hz < below_hz))
 
 
 def _hum(lines: Lines) -> Comb | None:

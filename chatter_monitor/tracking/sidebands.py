@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter_monitor.kernels import sidebands as kernel
-from chatter_monitor.tracking.comb import LOG_FACTORIAL, Lines, Target
+from chatter_monitor.tracking.comb import HUMS_BELOW_HZ, LOG_FACTORIAL, Lines, Target, beside_hum
 
 # Two lines are explained for certain, and two more are not enough.
 ENOUGH_LINES = 5
@@ -84,6 +84,7 @@ def find_sidebands(lines: Lines, slowest_hz: float, told: Target | None = None) 
         The spindle, where its speed is told: the spacing may be that of its rotation or of its teeth, and a narrow
         range leaves less to chance.
     """
+    lines = beside_hum(lines, told, HUMS_BELOW_HZ)
     if len(lines.frequency_hz) < ENOUGH_LINES:
         return None
     ranges = [_Range(slowest_hz, math.inf, 1, PARTS)]

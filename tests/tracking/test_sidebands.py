@@ -35,6 +35,19 @@ def test_a_vibration_with_sidebands_is_found(seed):
         assert found.spacing_hz == pytest.approx(TEETH_HZ, abs=0.1)
 
 
+@pytest.mark.parametrize("told", [None, Target(26.6, 28.6, 6)])
+def test_a_hum_has_no_say(told):
+    """Though each of its lines is louder, and there are more of them; a vibration may be at a high multiple of it."""
+    hum = 50.0 * np.array([1, 2, 3, 5, 7, 9, 4, 6, 8, 10, 11, 12])
+    some = lines(hum, CARRIER_HZ, CARRIER_HZ + SIDEBANDS, FORCED, 900.0)
+    found = find_sidebands(some, SLOWEST_HZ, told)
+    assert (found.carrier_hz, found.spacing_hz) == (
+        pytest.approx(CARRIER_HZ, abs=0.3),
+        pytest.approx(TEETH_HZ, abs=0.1),
+    )
+    assert find_sidebands(lines(hum, FORCED, CARRIER_HZ), SLOWEST_HZ, told) is None
+
+
 def beats(vibration_hz, teeth_hz):
     """Lines of a vibration beside teeth of nearly its frequency, strongest first."""
     own, teeth = (1, 0, 1, 1, 2, 0, -1, 2, 2, 3, -2, 2, 3), (0, 1, 1, 2, 0, 3, 2, -1, 1, 0, 3, 2, -1)
