@@ -34,10 +34,14 @@ ROUGHLY = 2.0
 
 
 class Beside(NamedTuple):
-    """Sidebands that a comb is held against: their spacing, and how scattered they are (`scattered_sidebands`)."""
+    """Sidebands that a comb is held against: their spacing, and how scattered they are (`scattered_sidebands`).
+
+    And how many teeth a rotation has, two or more, where the spacing is known to be theirs; 0 where that is not known.
+    """
 
     spacing: float
     scattered: float
+    teeth: int
 
 
 @njit(**OPTIONS)
@@ -107,7 +111,7 @@ def best_comb(frequencies, tolerances, without, low, high, teeth, beside, factor
             hits, spacing = _fitted_comb(frequencies, tolerances, without, frequencies[i] / multiple)
             if hits < FEWEST - 1:  # one line makes a comb
                 continue
-            of_machine = _turns_with(spacing, beside.spacing)
+            of_machine = _turns_with(spacing, beside.spacing, beside.teeth)
             for parts in range(1, most + 1):
                 gain = _gain_of_comb(frequencies, tolerances, without, spacing, teeth, parts, factorials)
                 if not of_machine and gain + beside.scattered > evidence:
@@ -117,10 +121,15 @@ def best_comb(frequencies, tolerances, without, low, high, teeth, beside, factor
 
 
 @njit(**OPTIONS)
-def comb_of(frequencies, tolerances, without, spacing, teeth, factorials):
-    """Log odds against chance of the comb of this spacing alone, or of teeth so far apart and their rotation."""
+def comb_of(frequencies, tolerances, without, spacing, teeth, known, factorials):
+    """Log odds against chance of the comb of this spacing alone, or of teeth so far apart and their rotation.
+
+    How many there are in it is ``known`` or 0, as of `Beside`; other parameters as in `best_comb`.
+    """
     evidence = 0.0
-    for parts in range(1, MOST_TEETH + 1):
+    for parts in range(1, max(MOST_TEETH, known) + 1):
+        if not _may_be_teeth(parts, known):
+            continue
         told = teeth if parts == 1 else 1
         _, rotation = _fitted_comb(frequencies, tolerances, without, spacing / parts)
         evidence = max(evidence, _gain_of_comb(frequencies, tolerances, without, rotation, told, parts, factorials))
@@ -128,10 +137,16 @@ def comb_of(frequencies, tolerances, without, spacing, teeth, factorials):
 
 
 @njit(**OPTIONS)
-def _turns_with(spacing, teeth_apart):
+def _turns_with(spacing, teeth_apart, known):
     """Whether a comb of this spacing is that of a rotation whose teeth are so far apart, or of these alone."""
     teeth = np.rint(teeth_apart / spacing)
-    return 1.0 <= teeth <= MOST_TEETH and abs(teeth_apart / spacing - teeth) < SAME
+    return _may_be_teeth(teeth, known) and abs(teeth_apart / spacing - teeth) < SAME
+
+
+@njit(**OPTIONS)
+def _may_be_teeth(number, known):
+    """Whether a rotation may have so many teeth, or one: where they are not known, not more than `MOST_TEETH`."""
+    return number == 1.0 or (1.0 < number <= MOST_TEETH if known == 0 else number == known)
 
 
 @njit(**OPTIONS)

@@ -98,7 +98,7 @@ def find_sidebands(lines: Lines, slowest_hz: float, told: Target | None = None) 
     carrier_hz, tolerance_hz = lines.at(carrier)
     if not kernel.is_clear(carrier_hz, found.spacing_hz, tolerance_hz):
         return None
-    if any(comb > found.evidence - AHEAD for comb in _combs(lines, carrier, found, ranges)):
+    if any(comb > found.evidence - AHEAD for comb in _combs(lines, carrier, found, ranges, told)):
         return None
     sidebands = Sidebands(carrier_hz, tolerance_hz, found.spacing_hz, found.evidence)
     is_told = told is not None and told.may_be(found.spacing_hz)
@@ -141,21 +141,30 @@ def _best_sidebands(lines: Lines, among: _Range) -> _Found:
     return _Found(carrier_hz, spacing_hz, evidence, tried, among.teeth)
 
 
-def _beside(lines: Lines, found: _Found) -> kernel.Beside:
+def _beside(lines: Lines, found: _Found, told: Target | None = None) -> kernel.Beside:
     """What combs are held against."""
     scattered = kernel.scattered_sidebands(
         lines.frequency_hz, lines.tolerance_hz, found.carrier_hz, found.spacing_hz, found.teeth
     )
-    return kernel.Beside(found.spacing_hz, scattered)
+    return kernel.Beside(found.spacing_hz, scattered, 0 if told is None else _teeth_apart(told, found.spacing_hz))
 
 
-def _combs(lines: Lines, carrier: int, found: _Found, ranges: list[_Range]) -> Iterator[float]:
+def _teeth_apart(told: Target, spacing_hz: float) -> int:
+    """How many teeth a told spindle has, two or more, if they are so far apart; else 0."""
+    teeth = told.teeth or 1
+    return teeth if teeth > 1 and told.admits(spacing_hz / teeth) else 0
+
+
+def _combs(lines: Lines, carrier: int, found: _Found, ranges: list[_Range], told: Target | None) -> Iterator[float]:
     """Log odds of combs, of all lines and of all but one: of the sidebands' spacing with as many tried, then of any."""
     frequency, tolerance = lines.frequency_hz, lines.tolerance_hz
+    beside = _beside(lines, found, told)
     for without in (NO_LINE, carrier):
-        alike = kernel.comb_of(frequency, tolerance, without, found.spacing_hz, found.teeth, LOG_FACTORIAL)
+        alike = kernel.comb_of(
+            frequency, tolerance, without, found.spacing_hz, found.teeth, beside.teeth, LOG_FACTORIAL
+        )
         yield alike - found.tried
-    highest_hz, beside = frequency.max(), _beside(lines, found)
+    highest_hz = frequency.max()
     for without in (NO_LINE, carrier):
         for low_hz, high_hz, teeth, _ in ranges:
             high_hz = min(high_hz, highest_hz)

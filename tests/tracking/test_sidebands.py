@@ -116,6 +116,14 @@ def test_where_the_speed_is_told_fewer_lines_are_enough():
     assert find_sidebands(some, SLOWEST_HZ, Target(22.6, 24.6, 6)) is None
 
 
+def test_a_told_spindle_has_the_teeth_that_were_told():
+    """A vibration a sixth of their passing beside three teeth: a spindle of six may have such lines."""
+    some = lines(1347.5, 1347.5 + 105.0 * np.array([-1, 1, 2, -2]), 105.0 * np.array([1, 3, 2, 4, 5, 6, 12]))
+    found = find_sidebands(some, SLOWEST_HZ, Target(34.0, 36.0, 3))
+    assert found.carrier_hz == pytest.approx(1347.5, abs=0.5)
+    assert find_sidebands(some, SLOWEST_HZ, Target(17.0, 18.0, 6)) is None
+
+
 def test_random_lines_have_none():
     """Of 500 sets of lines at random not one: chance is to have one in a million."""
     rng = np.random.default_rng(5)
