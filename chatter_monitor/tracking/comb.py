@@ -321,7 +321,7 @@ def find_told_comb(lines: Lines, told: Target) -> Comb | None:
 
 
 def beside_hum(lines: Lines, told: Target | None, below_hz: float = math.inf) -> Lines:
-    """Lines that the mains do not explain, of those below a frequency; all of them where a told spindle may do so."""
+    """Lines but those that the mains explain below a frequency; all where a told spindle may turn as they hum."""
     hum = _hum(lines)
     if hum is None or (told is not None and told.may_be(hum.fundamental_hz)):
         return lines
