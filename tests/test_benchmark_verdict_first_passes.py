@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.verdict.cut import RATE_HZ
 from benchmarks.verdict.first_passes import AFTER_S, PAUSE_S, first_pass, runs
+from benchmarks.verdict.shift import FADE_S, SLOWLY_S
 from tests.test_benchmark_verdict_scoring import made_up
 
 
@@ -33,7 +34,7 @@ def test_a_first_pass_is_heard_between_a_pause_and_air(cut):
 
 def test_a_tool_may_enter_slowly(cut):
     """After a twentieth of a second, half as deep as it will be at most, and later the same as one that is quick."""
-    quick, slow = (first_pass(cut, np.random.default_rng(1), slowly=slowly)[0][1].samples for slowly in (False, True))
+    quick, slow = (first_pass(cut, np.random.default_rng(1), fade_s)[0][1].samples for fade_s in (FADE_S, SLOWLY_S))
     begins, later = slice(0, round(0.05 * RATE_HZ)), slice(round(0.7 * RATE_HZ), round(1.0 * RATE_HZ))
     assert np.std(slow[begins]) < 0.5 / math.sqrt(3.0) * np.std(slow[later])
     assert np.array_equal(slow[later], quick[later])

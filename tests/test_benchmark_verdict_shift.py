@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.verdict.cut import RATE_HZ
 from benchmarks.verdict.monitor import Passage, watch
-from benchmarks.verdict.shift import _is_stable, library, shift
+from benchmarks.verdict.shift import FADE_S, SLOWLY_S, _is_stable, library, shift
 from tests.test_benchmark_verdict_scoring import made_up
 
 SECONDS = 200.0
@@ -29,6 +29,16 @@ def test_day_is_as_long_as_asked_for_and_the_same_again(cuts):
     assert np.array_equal(day, again)
     assert not np.array_equal(day[:1000], other[:1000])
     assert np.isfinite(day).all()
+
+
+def test_tools_of_a_day_may_enter_slowly(cuts):
+    """After a twentieth of a second each is half as loud as later, at most; the day is the same otherwise."""
+    quick, slow = (list(shift(cuts, SECONDS, 1, fade_s)) for fade_s in (FADE_S, SLOWLY_S))
+    assert [p.doing for p in quick] == [p.doing for p in slow]
+    passes = [p.samples for p in slow if p.doing.startswith("cut")][:-1]  # the last may be cut off
+    begins, later = slice(0, round(0.05 * RATE_HZ)), slice(round(0.7 * RATE_HZ), round(1.2 * RATE_HZ))
+    assert len(passes) > 3
+    assert all(np.std(samples[begins]) < 0.5 * np.std(samples[later]) for samples in passes)
 
 
 @pytest.mark.parametrize("first", [3, 4])
