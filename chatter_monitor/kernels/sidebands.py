@@ -36,7 +36,7 @@ ROUGHLY = 2.0
 class Beside(NamedTuple):
     """Sidebands that a comb is held against: their spacing, and how scattered they are (`scattered_sidebands`).
 
-    And how many teeth a rotation has, two or more, where the spacing is known to be theirs; 0 where that is not known.
+    And how many teeth a rotation has, where the spacing is known to be theirs; 1 where that is not known.
     """
 
     spacing: float
@@ -111,7 +111,7 @@ def best_comb(frequencies, tolerances, without, low, high, teeth, beside, factor
             hits, spacing = _fitted_comb(frequencies, tolerances, without, frequencies[i] / multiple)
             if hits < FEWEST - 1:  # one line makes a comb
                 continue
-            of_machine = _turns_with(spacing, beside.spacing, beside.teeth)
+            of_machine = _turns_with(spacing, beside)
             for parts in range(1, most + 1):
                 gain = _gain_of_comb(frequencies, tolerances, without, spacing, teeth, parts, factorials)
                 if not of_machine and gain + beside.scattered > evidence:
@@ -121,32 +121,32 @@ def best_comb(frequencies, tolerances, without, low, high, teeth, beside, factor
 
 
 @njit(**OPTIONS)
-def comb_of(frequencies, tolerances, without, spacing, teeth, known, factorials):
-    """Log odds against chance of the comb of this spacing alone, or of teeth so far apart and their rotation.
+def comb_of(frequencies, tolerances, without, beside, teeth, factorials):
+    """Log odds against chance of the comb of the spacing ``beside`` alone, or of teeth so far apart and their rotation.
 
-    How many there are in it is ``known`` or 0, as of `Beside`; other parameters as in `best_comb`.
+    Other parameters as in `best_comb`.
     """
     evidence = 0.0
-    for parts in range(1, max(MOST_TEETH, known) + 1):
-        if not _may_be_teeth(parts, known):
+    for parts in range(1, max(MOST_TEETH, beside.teeth) + 1):
+        if not _may_have(parts, beside.teeth):
             continue
         told = teeth if parts == 1 else 1
-        _, rotation = _fitted_comb(frequencies, tolerances, without, spacing / parts)
+        _, rotation = _fitted_comb(frequencies, tolerances, without, beside.spacing / parts)
         evidence = max(evidence, _gain_of_comb(frequencies, tolerances, without, rotation, told, parts, factorials))
     return evidence
 
 
 @njit(**OPTIONS)
-def _turns_with(spacing, teeth_apart, known):
+def _turns_with(spacing, beside):
     """Whether a comb of this spacing is that of a rotation whose teeth are so far apart, or of these alone."""
-    teeth = np.rint(teeth_apart / spacing)
-    return _may_be_teeth(teeth, known) and abs(teeth_apart / spacing - teeth) < SAME
+    teeth = np.rint(beside.spacing / spacing)
+    return _may_have(teeth, beside.teeth) and abs(beside.spacing / spacing - teeth) < SAME
 
 
 @njit(**OPTIONS)
-def _may_be_teeth(number, known):
-    """Whether a rotation may have so many teeth, or one: where they are not known, not more than `MOST_TEETH`."""
-    return number == 1.0 or (1.0 < number <= MOST_TEETH if known == 0 else number == known)
+def _may_have(parts, teeth):
+    """Whether a rotation may have so many parts: one, as many as it has teeth, or up to `MOST_TEETH` if that is 1."""
+    return parts == 1 or parts == teeth or (teeth == 1 and 1 <= parts <= MOST_TEETH)
 
 
 @njit(**OPTIONS)
@@ -224,7 +224,7 @@ def scattered_sidebands(frequencies, tolerances, carrier, spacing, teeth):
     for overtone in range(OVERTONES + 1):
         fewest = math.inf
         for parts in range(1, max(MOST_TEETH, teeth) + 1):
-            if teeth == 1 or parts == 1 or parts == teeth:
+            if _may_have(parts, teeth):
                 fewest = min(fewest, _scattered_around(frequencies, tolerances, carrier, spacing, overtone, parts))
         total += fewest
     return total

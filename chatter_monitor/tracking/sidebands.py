@@ -146,13 +146,13 @@ def _beside(lines: Lines, found: _Found, told: Target | None = None) -> kernel.B
     scattered = kernel.scattered_sidebands(
         lines.frequency_hz, lines.tolerance_hz, found.carrier_hz, found.spacing_hz, found.teeth
     )
-    return kernel.Beside(found.spacing_hz, scattered, 0 if told is None else _teeth_apart(told, found.spacing_hz))
+    return kernel.Beside(found.spacing_hz, scattered, 1 if told is None else _teeth_apart(told, found.spacing_hz))
 
 
 def _teeth_apart(told: Target, spacing_hz: float) -> int:
-    """How many teeth a told spindle has, two or more, if they are so far apart; else 0."""
+    """How many teeth a told spindle has, if they are so far apart; else 1."""
     teeth = told.teeth or 1
-    return teeth if teeth > 1 and told.admits(spacing_hz / teeth) else 0
+    return teeth if told.admits(spacing_hz / teeth) else 1
 
 
 def _combs(lines: Lines, carrier: int, found: _Found, ranges: list[_Range], told: Target | None) -> Iterator[float]:
@@ -160,9 +160,7 @@ def _combs(lines: Lines, carrier: int, found: _Found, ranges: list[_Range], told
     frequency, tolerance = lines.frequency_hz, lines.tolerance_hz
     beside = _beside(lines, found, told)
     for without in (NO_LINE, carrier):
-        alike = kernel.comb_of(
-            frequency, tolerance, without, found.spacing_hz, found.teeth, beside.teeth, LOG_FACTORIAL
-        )
+        alike = kernel.comb_of(frequency, tolerance, without, beside, found.teeth, LOG_FACTORIAL)
         yield alike - found.tried
     highest_hz = frequency.max()
     for without in (NO_LINE, carrier):

@@ -90,11 +90,11 @@ def test_a_comb_of_teeth_with_its_rotation_is_that_of_the_twin(teeth):
     hertz = np.concatenate([hertz + 0.1 * rng.uniform(-1.0, 1.0, len(hertz)), rng.uniform(50.0, 3000.0, 3)])
     off = 0.3 + 3e-4 * hertz
     expected = max(twin_of_a_comb(hertz, off, 31.0 * teeth, t) for t in range(1, kernel.MOST_TEETH + 1))
-    assert kernel.comb_of(hertz, off, -1, 31.0 * teeth, 1, 0, FACTORIALS) == pytest.approx(expected)
-    known = kernel.comb_of(hertz, off, -1, 31.0 * teeth, 1, 3, FACTORIALS)  # one that has three teeth, or is alone
-    assert known == pytest.approx(max(twin_of_a_comb(hertz, off, 31.0 * teeth, t) for t in (1, 3)))
+    beside = kernel.Beside(31.0 * teeth, 0.0, 1)
+    assert kernel.comb_of(hertz, off, -1, beside, 1, FACTORIALS) == pytest.approx(expected)
+    three = kernel.comb_of(hertz, off, -1, beside._replace(teeth=3), 1, FACTORIALS)  # of three teeth, or alone
+    assert three == pytest.approx(max(twin_of_a_comb(hertz, off, 31.0 * teeth, t) for t in (1, 3)))
     tried = math.log(6 * sum(math.floor(f / 5.0) for f in hertz))
-    beside = kernel.Beside(31.0 * teeth, 0.0, 0)
     best = kernel.best_comb(hertz, off, -1, 5.0, hertz.max(), 1, beside, FACTORIALS)
     assert expected - tried <= best < expected
     least = kernel.best_comb(hertz, off, 2, 5.0, hertz.max(), 1, beside, FACTORIALS)
@@ -110,14 +110,14 @@ def ways(multiples, parts, places):
 
 
 @pytest.mark.parametrize(
-    ("apart", "known", "machine"), [(4.0, 0, True), (4.0, 4, True), (4.0, 2, False), (7.0, 0, False), (7.0, 7, True)]
+    ("apart", "known", "machine"), [(4.0, 1, True), (4.0, 4, True), (4.0, 2, False), (7.0, 1, False), (7.0, 7, True)]
 )
 def test_a_comb_tells_why_it_has_these_lines_unless_it_is_a_machines(apart, known, machine):
     """Of three ranges with lines at some of the multiples; beside a spacing of as many teeth as may be nobody asks."""
     orders = [20, 22, 23, 60, 61, 64, 101, 103]
     hertz = 31.0 * np.array([*orders, 20.0, 7.5])  # a multiple twice, and another line
     off = np.full(len(hertz), 0.3)
-    anyway = kernel.best_comb(hertz, off, -1, 30.9, 31.1, 4, kernel.Beside(31.0, 0.0, 0), FACTORIALS)
+    anyway = kernel.best_comb(hertz, off, -1, 30.9, 31.1, 4, kernel.Beside(31.0, 0.0, 1), FACTORIALS)
     beside = kernel.Beside(31.0 * apart, 2.0, known)
     told = kernel.best_comb(hertz, off, -1, 30.9, 31.1, 4, beside, FACTORIALS)
     assert anyway - told == pytest.approx(0.0 if machine else ways(orders, 1, 4 + 5 + 3) - 2.0)
