@@ -84,7 +84,7 @@ def new_swings() -> SwingState:
 
 
 @njit(**OPTIONS)
-def hold_back(heard, power, usual, calm, sidebands, vibrations, state):
+def hold_back(heard, power, usual, calm, carrier, vibrations, state):
     """Let no line have risen by more than it is beyond earlier swings, and learn from an interval.
 
     Parameters
@@ -96,9 +96,9 @@ def hold_back(heard, power, usual, calm, sidebands, vibrations, state):
         not known.
     calm : bool
         Whether there is no alarm, and was none just now.
-    sidebands : tuple of float
-        Frequency of a line with sidebands and their spacing (Hz), NaN without one: what noise drives has none. So when
-        that came with the tool it was not there before, however far it has swung since.
+    carrier : Carrier
+        What noise drives has no sidebands. So when a line that has came with the tool it was not there before, however
+        far it has swung since.
     vibrations : ndarray of VIBRATION, shape (m,)
         Those that are followed, for which of them an alarm is about.
     state : SwingState
@@ -124,7 +124,7 @@ def hold_back(heard, power, usual, calm, sidebands, vibrations, state):
         place = _place(line[HERTZ])
         if not (usual > 0.0 and here > BEYOND * usual):
             most = LOUDER + amplitude - max(_around(state.highest, place), _around(state.here, place))
-            _limit(line, most, is_carrier(heard, i, sidebands[0], sidebands[1]))
+            _limit(line, most, is_carrier(heard, i, carrier))
         if calm:
             state.now[place] = max(state.now[place], amplitude)
             state.crest[place] = max(state.crest[place], amplitude)

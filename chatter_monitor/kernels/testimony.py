@@ -1,6 +1,7 @@
 """What the lines of an interval say for self-excitation by where they are, and how much of the power each takes."""
 
 import math
+from typing import NamedTuple
 
 from numba import njit
 
@@ -45,8 +46,20 @@ AS_LOUD = 2.0
 OVERTONES, OVERTONE_HZ = 5, 8.0
 
 
+class Carrier(NamedTuple):
+    """A line with sidebands, its frequency and their spacing (Hz), and whether it may be ``either`` of these two."""
+
+    hertz: float
+    spacing_hz: float
+    either: bool
+
+
+# Where no line has any.
+NO_CARRIER = Carrier(math.nan, math.nan, False)
+
+
 @njit(**OPTIONS)
-def witness(heard, taken, found, spindle, carrier_hz, spacing_hz, growth, power, usual, odds, lines):
+def witness(heard, taken, found, spindle, carrier, growth, power, usual, odds, lines):
     """Tell of each line what the following of vibrations takes.
 
     Parameters
@@ -60,10 +73,8 @@ def witness(heard, taken, found, spindle, carrier_hz, spacing_hz, growth, power,
         Whether what turns has been found in the signal alone: it may be another machine's.
     spindle : bool
         Whether a spindle of known speed is heard.
-    carrier_hz : float
-        Frequency of a line with sidebands, NaN without one: it is on no order, whatever the speed is.
-    spacing_hz : float
-        Theirs.
+    carrier : Carrier
+        The line with sidebands is on no order, whatever the speed is.
     growth : float
         By how much what repeats has grown from rotation to rotation (natural logarithm): many lines, too near to each
         other to be told. It counts as the strongest.
@@ -87,7 +98,7 @@ def witness(heard, taken, found, spindle, carrier_hz, spacing_hz, growth, power,
         _copy(seen, line)
         line.power = power
         line.arrival = 0.0
-        line.carrier = is_carrier(heard, i, carrier_hz, spacing_hz) and seen[ABSOLUTE_RISE] > DIED_DOWN
+        line.carrier = is_carrier(heard, i, carrier) and seen[ABSOLUTE_RISE] > DIED_DOWN
         line.order_odds = OFF_ORDERS if line.carrier else _order_odds(seen, found, spindle, odds)
         own = _own_share(seen, taken, power)
         line.dominance = own * quieter
@@ -112,8 +123,16 @@ def witness(heard, taken, found, spindle, carrier_hz, spacing_hz, growth, power,
 
 
 @njit(**OPTIONS)
-def is_carrier(heard, i, carrier_hz, spacing_hz):
-    """Whether a line is the one with sidebands, or twice that and louder: which of the two it is they do not tell."""
+def is_carrier(heard, i, carrier):
+    """Whether a line is the one with sidebands, or may be."""
+    if carrier.either and _is_at(heard, i, carrier.spacing_hz, carrier.hertz):
+        return True
+    return _is_at(heard, i, carrier.hertz, carrier.spacing_hz)
+
+
+@njit(**OPTIONS)
+def _is_at(heard, i, carrier_hz, spacing_hz):
+    """Whether a line is the one at a frequency, or twice that and louder: which of the two sidebands do not tell."""
     reach_hz = max(CARRIER_HZ, spacing_hz) if spacing_hz < APART_HZ else CARRIER_HZ
     half = 0.0
     for other in heard:

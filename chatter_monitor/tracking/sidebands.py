@@ -35,16 +35,36 @@ NO_LINE = -1
 
 
 class Sidebands(NamedTuple):
-    """A line with sidebands: its frequency, how exactly it is known and their spacing (Hz), and the log odds."""
+    """A line with sidebands.
+
+    Attributes
+    ----------
+    carrier_hz, tolerance_hz : float
+        Its frequency, and how exactly that is known.
+    spacing_hz : float
+        That of the sidebands.
+    evidence : float
+        Log odds over chance.
+    either : bool
+        Whether only its strength speaks for it, and more lines are explained the other way round: by a vibration at
+        ``spacing_hz`` with sidebands ``carrier_hz`` apart. What has not been steady before is the vibration.
+    """
 
     carrier_hz: float
     tolerance_hz: float
     spacing_hz: float
     evidence: float
+    either: bool = False
 
     def of(self, lines: Lines) -> NDArray[np.bool_]:
         """Which lines are the vibration's, its overtone's, or sidebands of either."""
         return lines.beside(self.carrier_hz, self.spacing_hz) | lines.beside(2.0 * self.carrier_hz, self.spacing_hz)
+
+    def apart_hz(self, hertz: float, reach_hz: float) -> float | None:
+        """How far the sidebands of the line at a frequency are apart; None if it is not the one that has any."""
+        if abs(self.carrier_hz - hertz) < reach_hz:
+            return self.spacing_hz
+        return self.carrier_hz if self.either and abs(self.spacing_hz - hertz) < reach_hz else None
 
     def order(self, fundamental_hz: float) -> int | None:
         """That multiple of a frequency which the vibration cannot be told from; None if it is at none."""
@@ -107,7 +127,9 @@ def find_sidebands(lines: Lines, slowest_hz: float, told: Target | None = None) 
     # each of two frequencies has the other between its lines: the stronger is the vibration's
     away_hz = np.abs(lines.frequency_hz[:carrier] - found.spacing_hz)
     stronger = np.flatnonzero(away_hz <= lines.tolerance_hz[:carrier])
-    return Sidebands(*lines.at(stronger[0]), carrier_hz, found.evidence) if len(stronger) else sidebands
+    if not len(stronger):
+        return sidebands
+    return Sidebands(*lines.at(stronger[0]), carrier_hz, found.evidence, either=True)
 
 
 def may_be_sidebands(lines: Lines, fundamental_hz: float, slowest_hz: float) -> bool:

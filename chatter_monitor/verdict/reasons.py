@@ -50,9 +50,9 @@ def chatter(alarm: Followed, orders: Orders) -> tuple[str, ...]:
         told.append(f"it stands out {math.exp(line.news):.1f} times as much as in the cuts before")
     elif line.arrival > 0.5:
         told.append("it came with the tool")
-    beside = orders.sidebands
-    if beside is not None and abs(beside.carrier_hz - alarm.frequency_hz) < CARRIER_HZ:
-        told.append(f"it has sidebands {beside.spacing_hz:.1f} Hz apart and is no multiple of that")
+    apart_hz = None if orders.sidebands is None else orders.sidebands.apart_hz(alarm.frequency_hz, CARRIER_HZ)
+    if apart_hz is not None:
+        told.append(f"it has sidebands {apart_hz:.1f} Hz apart and is no multiple of that")
     told.append(f"it takes {100 * line.share:.0f} % of the power that is not in multiples of a rotation")
     if mode is not None:
         told.append(f"damping {damping(mode)}")

@@ -9,7 +9,6 @@ are followed only those become objects that something is said about.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ from chatter_monitor.kernels.kinds import LINE, Kinds
 from chatter_monitor.kernels.overview import NONE, Overview
 from chatter_monitor.kernels.relatives import NEARLY_ALWAYS
 from chatter_monitor.kernels.swings import end_cut, hold_back, new_swings
-from chatter_monitor.kernels.testimony import witness
+from chatter_monitor.kernels.testimony import NO_CARRIER, Carrier, witness
 from chatter_monitor.kernels.vibration import NO_LINE, VIBRATION
 from chatter_monitor.kernels.vibrations import CALMED, FORGOTTEN_CHATTER, Odds, Rules, withdraw
 from chatter_monitor.tracking.orders import Orders
@@ -34,7 +33,6 @@ from chatter_monitor.verdict.weights import CALM, GROWTH
 ROOM = 64
 
 NOTHING_KNOWN, NO_VIBRATIONS = Overview(), np.empty(0, VIBRATION)
-NO_SIDEBANDS = (math.nan, math.nan)  # frequency of the line and their spacing
 NOT_HEARD = Heard(np.empty((0, FIELDS)), np.empty((0, 4)))
 _WEIGHTS = np.array([(*weights.per_measure, weights.offset) for weights in (GROWTH, CALM)])
 
@@ -164,13 +162,13 @@ class Following:
     def __init__(self) -> None:
         self._orders = KnownOrders()
         self._swings = new_swings()
-        cut = np.empty((0, FIELDS)), 0.0, 0.0, True, NO_SIDEBANDS
+        cut = np.empty((0, FIELDS)), 0.0, 0.0, True, NO_CARRIER
         self._hold_back = bound(hold_back, *cut, NO_VIBRATIONS, self._swings)
         self._end_cut = bound(end_cut, self._swings)
         self._known = 0  # of the vibrations, the most suspicious first; behind them there is room for more
         self._vibrations, self._work = np.empty((2, ROOM), VIBRATION)
         self._lines, self._taken = np.empty(ROOM, LINE), np.empty(ROOM, np.bool_)
-        testimony = (np.empty((0, FIELDS)), NOTHING_TAKEN, False, False, *NO_SIDEBANDS, 0.0, 0.0, 0.0)
+        testimony = (np.empty((0, FIELDS)), NOTHING_TAKEN, False, False, NO_CARRIER, 0.0, 0.0, 0.0)
         self._another_interval = bound(
             kernel.another_interval,
             *(self._vibrations, 0, testimony, Rules(0.5, 0.5), _WEIGHTS, self._lines, self._taken, self._work),
@@ -179,9 +177,8 @@ class Following:
     def follow(self, evidence: Evidence, rules: Rules, usual: float = 0.0, *, calm: bool = True) -> Told:
         """Follow them through another interval, of a cut that usually has so much power, and is calm or in alarm."""
         heard = evidence.vibrations.copy()
-        sidebands = _sidebands(evidence)
         known = self._vibrations[: self._known]
-        self._hold_back(heard.table, evidence.power, usual, calm, sidebands, known, self._swings)
+        self._hold_back(heard.table, evidence.power, usual, calm, _carrier(evidence), known, self._swings)
         taken = self._orders.hear(evidence.orders, evidence.power, calm=calm)
         self._make_room(len(heard))
         self._known, seen = self._another_interval(
@@ -241,7 +238,7 @@ def lines_of(evidence: Evidence, odds: Odds) -> NDArray[np.void]:
 
 def _testimony(
     evidence: Evidence, taken: NDArray[np.float64], usual: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], bool, bool, float, float, float, float, float]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], bool, bool, Carrier, float, float, float]:
     """What `kernels.testimony` takes of an interval."""
     orders = evidence.orders
     return (
@@ -249,14 +246,14 @@ def _testimony(
         taken,
         orders.source == "found" and not evidence.same_cut,
         evidence.spindle_heard,
-        *_sidebands(evidence),
+        _carrier(evidence),
         orders.growth,
         evidence.power,
         usual,
     )
 
 
-def _sidebands(evidence: Evidence) -> tuple[float, float]:
-    """Frequency of a line with sidebands, and their spacing (Hz)."""
+def _carrier(evidence: Evidence) -> Carrier:
+    """The line with sidebands."""
     beside = evidence.orders.sidebands
-    return NO_SIDEBANDS if beside is None else (beside.carrier_hz, beside.spacing_hz)
+    return NO_CARRIER if beside is None else Carrier(beside.carrier_hz, beside.spacing_hz, beside.either)

@@ -21,6 +21,7 @@ from chatter_monitor.kernels.swings import (
     hold_back,
     new_swings,
 )
+from chatter_monitor.kernels.testimony import NO_CARRIER, Carrier
 from chatter_monitor.kernels.vibration import VIBRATION
 
 RISES = [RISE, LONG_RISE, ABSOLUTE_RISE, NEWS, ARRIVAL]
@@ -28,14 +29,13 @@ RISEN = 3.0  # what the spectrum tells of every line here
 LONG_ENOUGH = 2 * LATER
 HERTZ_HERE = 1266.0
 NONE = np.empty(0, VIBRATION)
-NO_SIDEBANDS = (math.nan, math.nan)
 
 
 def interval(state, amplitude, hertz=HERTZ_HERE, *, calm=True, usual=0.0, vibrations=NONE):
     """What is left of the rises of a line with this logarithm of its amplitude."""
     line = np.zeros((1, FIELDS))
     line[0, HERTZ], line[0, SHARE], line[0, RISES] = hertz, 1.0, RISEN
-    hold_back(line, math.exp(2.0 * amplitude), usual, calm, NO_SIDEBANDS, vibrations, state)
+    hold_back(line, math.exp(2.0 * amplitude), usual, calm, NO_CARRIER, vibrations, state)
     assert np.ptp(line[0, RISES]) == 0.0
     return line[0, RISE]
 
@@ -62,7 +62,7 @@ def test_what_is_as_loud_as_in_a_swing_has_not_risen_for_certain():
 def test_what_has_sidebands_has_come_with_the_tool_however_far_it_has_swung_since(carrier_hz, arrival):
     line = np.zeros((1, FIELDS))
     line[0, HERTZ], line[0, SHARE], line[0, RISES] = HERTZ_HERE, 1.0, RISEN
-    hold_back(line, math.exp(2.0), 0.0, True, (carrier_hz, 91.7), NONE, swung())
+    hold_back(line, math.exp(2.0), 0.0, True, Carrier(carrier_hz, 91.7, either=False), NONE, swung())
     assert line[0, ARRIVAL] == pytest.approx(arrival, abs=0.01)
     assert line[0, RISE] == pytest.approx(LOUDER, abs=0.01)  # but it has not risen, for all that
 
@@ -70,7 +70,7 @@ def test_what_has_sidebands_has_come_with_the_tool_however_far_it_has_swung_sinc
 def test_what_has_not_risen_stays_so():
     line = np.zeros((1, FIELDS))
     line[0, HERTZ], line[0, SHARE], line[0, RISES] = HERTZ_HERE, 1.0, -1.0
-    hold_back(line, 1.0, 0.0, True, NO_SIDEBANDS, NONE, swung())
+    hold_back(line, 1.0, 0.0, True, NO_CARRIER, NONE, swung())
     assert (line[0, RISES] == -1.0).all()
 
 
@@ -91,7 +91,7 @@ def test_a_line_that_is_not_heard_has_come_down():
     state = new_swings()
     interval(state, 1.0)
     for _ in range(LONG_ENOUGH):
-        hold_back(np.empty((0, FIELDS)), 1.0, 0.0, True, NO_SIDEBANDS, NONE, state)
+        hold_back(np.empty((0, FIELDS)), 1.0, 0.0, True, NO_CARRIER, NONE, state)
     assert interval(state, 1.0) < RISEN
 
 
@@ -186,7 +186,7 @@ def alarm(state, amplitudes, after=-3.0, *, line=True):
         if line or i % 3:
             interval(state, amplitude, calm=False, vibrations=vibrations)
         else:
-            hold_back(np.empty((0, FIELDS)), 1.0, 0.0, False, NO_SIDEBANDS, vibrations, state)
+            hold_back(np.empty((0, FIELDS)), 1.0, 0.0, False, NO_CARRIER, vibrations, state)
     vibrations["alarm_for"] = 0
     for i in range(SINCE + 1):
         vibrations["over"] = i
@@ -225,7 +225,7 @@ def test_how_far_it_swung_in_an_alarm_is_forgotten_in_twenty_minutes():
     state = new_swings()
     alarm(state, noisy())
     for _ in range(20 * 60 * 20):
-        hold_back(np.empty((0, FIELDS)), 1.0, 0.0, True, NO_SIDEBANDS, NONE, state)
+        hold_back(np.empty((0, FIELDS)), 1.0, 0.0, True, NO_CARRIER, NONE, state)
     alarm(state, noisy() - 2.0)
     assert interval(state, noisy().max()) == pytest.approx(LOUDER + 1.0, abs=0.01)
 
@@ -234,5 +234,5 @@ def test_without_power_there_is_no_amplitude():
     state = new_swings()
     line = np.zeros((1, FIELDS))
     line[0, HERTZ] = HERTZ_HERE
-    hold_back(line, 0.0, 0.0, True, NO_SIDEBANDS, NONE, state)
+    hold_back(line, 0.0, 0.0, True, NO_CARRIER, NONE, state)
     assert (state.crest == -math.inf).all()

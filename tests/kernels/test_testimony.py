@@ -10,7 +10,7 @@ import pytest
 from chatter_monitor.kernels.heard import BY_CHANCE, FIELDS, HERTZ, NEAR, NEAR_TEETH, TEETH_BY_CHANCE
 from chatter_monitor.kernels.kinds import LIFTED, LINE
 from chatter_monitor.kernels.lines import ABSOLUTE_RISE, ARRIVAL, COHERENCE, LONG_RISE, NEWS, SHARE
-from chatter_monitor.kernels.testimony import NOT_THIS, witness
+from chatter_monitor.kernels.testimony import NO_CARRIER, NOT_THIS, Carrier, witness
 from chatter_monitor.kernels.vibrations import Odds
 
 ODDS = Odds(unknown_speed=-0.6, off_found=0.5)
@@ -23,14 +23,13 @@ def said_of(
     taken=NOTHING,
     found=False,
     spindle=False,
-    carrier_hz=math.nan,
-    spacing_hz=100.0,
+    carrier=NO_CARRIER,
     growth=0.0,
     power=2.0,
     usual=0.0,
 ):
     lines = np.empty(len(heard), LINE)
-    witness(heard, taken, found, spindle, carrier_hz, spacing_hz, growth, power, usual, ODDS, lines)
+    witness(heard, taken, found, spindle, carrier, growth, power, usual, ODDS, lines)
     return lines
 
 
@@ -157,8 +156,16 @@ def test_growth_is_the_strongest_lines():
     ],
 )
 def test_what_is_louder_at_twice_the_frequency_may_be_what_has_sidebands(hertz, share, carriers):
-    said = said_of(np.array([line(*each) for each in zip(hertz, share, strict=True)]), carrier_hz=500.0)
+    heard = np.array([line(*each) for each in zip(hertz, share, strict=True)])
+    said = said_of(heard, carrier=Carrier(500.0, 100.0, either=False))
     assert said["carrier"].tolist() == carriers
+
+
+def test_where_either_of_two_may_have_sidebands_both_are_on_no_order():
+    """Which of them it is the sidebands do not tell: what was steady before is none, and that is known elsewhere."""
+    heard = np.array([line(hertz, 0.3, 1.0, 0.2, 1.0) for hertz in (505.0, 1400.0, 700.0)])
+    for either, carriers in ((False, [True, False, False]), (True, [True, True, False])):
+        assert said_of(heard, carrier=Carrier(500.0, 1400.0, either))["carrier"].tolist() == carriers
 
 
 @pytest.mark.parametrize(
@@ -175,7 +182,7 @@ def test_what_has_sidebands_is_on_no_order(hertz, spacing_hz, fell, carrier):
     """The line at their middle, whatever speed is told or none, and what is new in it counts; not once it is over."""
     heard = line(hertz, 0.3, 1.0, 0.2, 1.0)
     heard[ABSOLUTE_RISE] = fell
-    (said,) = said_of(heard[np.newaxis], carrier_hz=500.0, spacing_hz=spacing_hz)
+    (said,) = said_of(heard[np.newaxis], carrier=Carrier(500.0, spacing_hz, either=False))
     assert said["carrier"] == carrier
     assert (said["order_odds"], said["arrival"]) == (
         (pytest.approx(-math.log(0.05)), 2.5) if carrier else (pytest.approx(-math.log(0.2 + 0.8 * (7.5 + 1.0))), 0.0)

@@ -65,6 +65,17 @@ def test_of_two_frequencies_that_beat_the_stronger_is_the_vibration(stronger):
     assert (told.carrier_hz, told.spacing_hz) == (pytest.approx(405.0, abs=0.3), pytest.approx(340.5, abs=0.3))
 
 
+def test_where_more_lines_speak_for_the_weaker_it_may_be_either():
+    """Strong teeth of an unknown speed, six of their multiples, and chatter with five sidebands (a milling cut)."""
+    teeth_hz, chatter_hz = 388.2, 1401.2
+    some = lines(teeth_hz * np.arange(1, 7), chatter_hz + teeth_hz * np.array([0, -1, 1, 3, 2]))
+    found = find_sidebands(some, SLOWEST_HZ)
+    assert (found.carrier_hz, found.spacing_hz) == pytest.approx((teeth_hz, chatter_hz), abs=0.3)
+    assert found.either
+    told = find_sidebands(some, SLOWEST_HZ, Target(63.0, 66.0, 6))
+    assert (told.carrier_hz, told.either) == (pytest.approx(chatter_hz, abs=0.3), False)
+
+
 def test_teeth_beside_two_tones_are_no_vibration():
     """One tone is by chance where a sideband of the other is; those of the teeth would be of nothing that is heard."""
     hertz = np.array([204.09, 751.11, 341.92, 408.17, 612.83, 1021.79])
@@ -148,6 +159,9 @@ def test_of_a_family_are_the_vibration_its_overtone_and_their_sidebands():
     """Not what is forced, nor what is beside."""
     found = Sidebands(CARRIER_HZ, 0.5, TEETH_HZ, 40.0)
     assert found.of(lines(CARRIER_HZ, CARRIER_HZ + SIDEBANDS, 2 * CARRIER_HZ - TEETH_HZ)).all()
+    ways = [found._replace(either=either) for either in (False, True)]
+    apart = [way.apart_hz(hertz, 12.0) for way in ways for hertz in (900.0, 500.0, 160.0)]
+    assert apart == [TEETH_HZ, None, None, TEETH_HZ, None, CARRIER_HZ]
     assert not found.of(lines(FORCED, CARRIER_HZ + 3.0)).any()
     told = [found.order(CARRIER_HZ / order + off) for order, off in ((1, 0.0), (60, 0.0), (60, 0.007), (60, 0.01))]
     assert told == [1, 60, 60, None]

@@ -237,10 +237,18 @@ def test_an_alarm_from_the_entry_tells_what_is_new(measure, kinds, why):
     assert view.reasons[1] == why
 
 
-@pytest.mark.parametrize(("carrier_hz", "told"), [(HZ + 5.0, True), (HZ + 30.0, False)])
-def test_an_alarm_tells_its_sidebands(carrier_hz, told):
+@pytest.mark.parametrize(
+    ("sidebands", "told"),
+    [
+        (Sidebands(HZ + 5.0, 0.5, 165.6, 40.0), True),
+        (Sidebands(HZ + 30.0, 0.5, 165.6, 40.0), False),
+        (Sidebands(165.6, 0.5, HZ + 5.0, 40.0), False),
+        (Sidebands(165.6, 0.5, HZ + 5.0, 40.0, either=True), True),
+    ],
+)
+def test_an_alarm_tells_its_sidebands(sidebands, told):
     """Those of the line that the alarm is about."""
-    orders = UNKNOWN_SPEED._replace(sidebands=Sidebands(carrier_hz, 0.5, 165.6, 40.0))
+    orders = UNKNOWN_SPEED._replace(sidebands=sidebands)
     alarm = Followed(HZ, Kinds(0.0, 0.1, 0.9, 0.0), unexplained=0.9, alarm_for=3, heard=steady())
     view = opinion(evidence(steady())._replace(orders=orders), remembered(alarm), JudgeSettings())
     assert ("it has sidebands 165.6 Hz apart and is no multiple of that" in view.reasons) is told
