@@ -68,7 +68,8 @@ def test_of_two_frequencies_that_beat_the_stronger_is_the_vibration(stronger):
 def test_where_more_lines_speak_for_the_weaker_it_may_be_either():
     """Strong teeth of an unknown speed, six of their multiples, and chatter with five sidebands (a milling cut)."""
     teeth_hz, chatter_hz = 388.2, 1401.2
-    some = lines(teeth_hz * np.arange(1, 7), chatter_hz + teeth_hz * np.array([0, -1, 1, 3, 2]))
+    vibration, teeth = (0, 0, 1, 1, 1, 0, 1, 0, 0, 0, 1), (1, 2, 0, -1, 1, 3, 3, 6, 4, 5, 2)
+    some = lines(chatter_hz * np.array(vibration) + teeth_hz * np.array(teeth))
     found = find_sidebands(some, SLOWEST_HZ)
     assert (found.carrier_hz, found.spacing_hz) == pytest.approx((teeth_hz, chatter_hz), abs=0.3)
     assert found.either
