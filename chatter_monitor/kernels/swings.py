@@ -40,9 +40,11 @@ BEYOND = 64.0
 # it was highest; that is Euler's constant, 0.58, if it comes and goes many times in it. Of chatter it is 0.2 at most,
 # nearly always, in an unsteady cut, too.
 DISPERSED = 0.4
-# Intervals in that second; of an alarm that is shorter nothing is said. And those after an alarm within which the tool
-# would have left, if that was why it ended.
+# Intervals in that second, and those after an alarm within which the tool would have left, if that was why it ended.
 SECOND, SINCE = 20, 10
+# Intervals of which something can be said, each counted as far as the averages of a second had settled in it: what one
+# second has of them.
+ENOUGH = SECOND * math.exp(-1.0)
 
 
 class SwingState(NamedTuple):
@@ -156,7 +158,9 @@ def _forget_onset(vibrations, state):
 def _learn_from_alarms(heard, power, vibrations, state):
     """What came and went like noise in an alarm, and came down by itself, has swung so far, if not for the first time.
 
-    That is asked some time after the alarm, in the same cut; until then the tool may have been about to leave.
+    That is asked some time after the alarm, in the same cut; until then the tool may have been about to leave. An alarm
+    that began by the memory of another goes on with that: noise comes back for so short a time that one alone does not
+    tell.
     """
     for i in range(vibrations.shape[0]):
         vibration = vibrations[i]
@@ -178,25 +182,33 @@ def _learn_from_alarms(heard, power, vibrations, state):
 
 @njit(**OPTIONS)
 def _disperse(vibration, power):
-    """Tell how far what an alarm is about comes and goes."""
+    """Tell how far what an alarm is about, with those whose memory it needed, comes and goes."""
     if vibration.alarm_for == 1:
-        vibration.crest, vibration.dispersion = -math.inf, 0.0
+        vibration.crest = -math.inf
+        if not vibration.recalled:
+            vibration.dispersion = vibration.listened = 0.0
     if not power > 0.0:
         return
     logarithm = math.log(power)
     if 0.5 * logarithm > vibration.crest:  # to grow is not to come and go
         vibration.crest, vibration.mean, vibration.logarithm = 0.5 * logarithm, power, logarithm
+        vibration.settled = 0.0
     vibration.mean += (power - vibration.mean) / SECOND
     vibration.logarithm += (logarithm - vibration.logarithm) / SECOND
-    beyond = vibration.alarm_for - SECOND
-    if beyond > 0:
-        vibration.dispersion += (math.log(vibration.mean) - vibration.logarithm - vibration.dispersion) / beyond
+    vibration.settled += (1.0 - vibration.settled) / SECOND
+    vibration.listened += vibration.settled
+    beyond = math.log(vibration.mean) - vibration.logarithm - vibration.settled * vibration.dispersion
+    vibration.dispersion += beyond / vibration.listened
 
 
 @njit(**OPTIONS)
 def _swung(vibration, power):
-    """Whether it came and went like noise in the last alarm about it, and has come down to this power since."""
-    return vibration.dispersion > DISPERSED and 0.5 * math.log(power + TINY) < vibration.crest - DOWN
+    """Whether it came and went like noise in the alarms about it, and has come down to this power since the last."""
+    return (
+        vibration.listened >= ENOUGH
+        and vibration.dispersion > DISPERSED
+        and 0.5 * math.log(power + TINY) < vibration.crest - DOWN
+    )
 
 
 @njit(**OPTIONS)

@@ -35,7 +35,9 @@ VIBRATION = np.dtype(
         ("recalled", np.bool_),  # whether the alarm about it began by that memory
         ("mean", float),  # its power in an alarm, averaged, and the logarithm of that (`kernels.swings`)
         ("logarithm", float),
-        ("dispersion", float),  # by how much the logarithm of the mean is the larger, averaged
+        ("settled", float),  # how far these averages have, since it was highest: 0 to 1
+        ("dispersion", float),  # by how much the logarithm of the mean is the larger, averaged over such alarms
+        ("listened", float),  # over so many intervals, as far as the averages had settled
         ("crest", float),  # largest logarithm of its amplitude in that alarm
         ("heard", np.int64),  # intervals in which it was
         ("late", np.bool_),  # whether it was noise yet when it had been heard in `ARRIVED` of them

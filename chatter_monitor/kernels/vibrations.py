@@ -248,7 +248,7 @@ def _begin(vibration, line):
     vibration.chattered = False
     vibration.heard = vibration.over = vibration.own = 0
     vibration.late = vibration.recalled = False
-    vibration.dispersion = 0.0
+    vibration.dispersion = vibration.listened = 0.0
     vibration.place = math.log(line.frequency_hz)
     vibration.on_order = math.nan
     vibration.stood_hz = vibration.family = vibration.calm = 0.0

@@ -9,6 +9,7 @@ are followed only those become objects that something is said about.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -210,7 +211,7 @@ class Following:
         for since in ("missed", "over", "own"):
             known[since] += 1
         known["alarm_for"] = 0
-        known["dispersion"] = 0.0  # it has not come down by itself
+        known["crest"] = -math.inf  # it has not come down by itself
         known["calm"] = 0.0  # of the next cut that is not known
         known["line"] = NO_LINE
         self._known = len(known)

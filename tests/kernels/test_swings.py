@@ -177,10 +177,12 @@ def steady(intervals=200):
     return 1.0 + 0.2 * np.random.default_rng(6).standard_normal(intervals)
 
 
-def alarm(state, amplitudes, after=-3.0, *, line=True):
+def alarm(state, amplitudes, after=-3.0, *, line=True, recalled=False, before=None):
     """What an alarm was about while a line had these amplitudes, and another one since; some intervals after it."""
-    vibrations = chattered()
-    vibrations["chattered"], vibrations["dispersion"] = True, 1.0  # of an earlier alarm
+    vibrations = chattered() if before is None else before.copy()
+    vibrations["recalled"] = recalled
+    if not recalled:
+        vibrations["chattered"], vibrations["dispersion"] = True, 1.0  # of an earlier alarm
     for i, amplitude in enumerate(amplitudes):
         vibrations["alarm_for"] = i + 1
         if line or i % 3:
@@ -192,6 +194,30 @@ def alarm(state, amplitudes, after=-3.0, *, line=True):
         vibrations["over"] = i
         interval(state, after, calm=False, vibrations=vibrations)
     return vibrations[0]
+
+
+BURST, BURSTS = SECOND - 4, 8
+GROWS_EACH_TIME = np.tile(np.concatenate([np.linspace(-1.0, 1.0, 6), steady(8), [0.8, 0.2]]), BURSTS)
+
+
+@pytest.mark.parametrize(
+    ("amplitudes", "recalled", "chattered"),
+    [
+        (noisy(BURST * BURSTS), True, False),
+        (noisy(BURST * BURSTS), False, True),  # each is one of its own, and too short
+        (steady(BURST * BURSTS), True, True),
+        (GROWS_EACH_TIME, True, True),
+    ],
+)
+def test_short_alarms_that_need_the_memory_of_each_other_are_listened_to_together(amplitudes, recalled, chattered):
+    """What comes and goes like noise is told after some of them; chatter is not taken for that, however often."""
+    state, vibrations = new_swings(), None
+    for burst in np.split(amplitudes, BURSTS):
+        last = alarm(state, burst, recalled=recalled and vibrations is not None, before=vibrations)
+        vibrations = last[np.newaxis]
+        if not last["chattered"]:
+            break
+    assert last["chattered"] == chattered
 
 
 @pytest.mark.parametrize("line", [True, False])

@@ -709,9 +709,10 @@ def test_what_ends_with_the_cut_has_not_come_down_by_itself():
     following = Following()
     for _ in range(40):
         told = following.follow(interval(1000.0), RULES)
-    told.vibrations["dispersion"] = 1.0
+    told.vibrations["dispersion"], told.vibrations["crest"] = 1.0, 1.0
     following.rest()
-    assert following.follow(interval(), RULES).vibrations["dispersion"].tolist() == [0.0]
+    (next_cut,) = following.follow(interval(), RULES).vibrations
+    assert (next_cut["dispersion"], next_cut["crest"]) == (1.0, -math.inf)
 
 
 def test_what_came_and_left_with_the_tool_is_forgotten():
