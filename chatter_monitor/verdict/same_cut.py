@@ -29,8 +29,8 @@ WIDE = 2
 # So many that stand out most are asked, and so many have to be there. As many as are on orders of the spindle are on
 # any orders with such a probability at most.
 MOST_LINES, FEWEST_LINES, BY_CHANCE = 12, 2, 0.02
-# A speed is the same within this.
-SAME_SPEED, SPEEDS = 0.003, 7
+# A spindle wanders by so much to either side; speeds are tried in steps.
+WANDERS, STEP = 0.003, 0.001
 # How far a line stands out (natural logarithm) counts between these bounds; their mean, times the root of how many
 # there are, tells that it is no chance, from so much on.
 LEAST, MOST, NO_CHANCE = -1.0, 4.0, 4.0
@@ -73,10 +73,10 @@ class SameCut:
         every = np.array(spectra)
         self._mean = every.mean(axis=0)
         heard = np.zeros_like(self._mean) if air is None else air
-        speeds = np.linspace(1.0 - SAME_SPEED, 1.0 + SAME_SPEED, SPEEDS)
         self._lines = _steady_lines(every, self._mean, heard)
         if air is None:
-            self._lines = _on_orders(self._lines, rotation_hz, speeds)
+            self._lines = _on_orders(self._lines, rotation_hz)
+        speeds = _speeds(2.0 * WANDERS)  # now it may be on the other side
         self._places = np.minimum(np.rint(np.outer(speeds, self._lines)).astype(np.int64), self._mean.size - 1)
         bands = np.array([_bands(spectrum) for spectrum in spectra])
         self._power = median(bands.sum(axis=1).tolist())
@@ -90,7 +90,7 @@ class SameCut:
             return None
         stand_out = np.log(spectrum[self._places] / _level(spectrum, self._places))
         by = np.where(_is_peak(spectrum, self._places), np.clip(stand_out, LEAST, MOST), LEAST).sum(axis=1)
-        speed = int(by.argmax())
+        speed = int(np.lexsort((stand_out.sum(axis=1), by))[-1])  # the loudest of those at which all stand out
         if by[speed] < NO_CHANCE * math.sqrt(self._lines.size):
             return None
         louder = np.log(spectrum[self._places[speed]] / self._mean[self._lines]).tolist()
@@ -128,17 +128,23 @@ def _steady_lines(spectra: NDArray[np.float64], mean: Power, air: Power) -> Indi
     return np.sort(lines[np.argsort(-above[lines])][:MOST_LINES])
 
 
-def _on_orders(lines: Indices, rotation_hz: float | None, speeds: NDArray[np.float64]) -> Indices:
+def _on_orders(lines: Indices, rotation_hz: float | None) -> Indices:
     """Those on multiples of a rotation, at that of the speeds beside it at which most are; none if that is chance."""
     if rotation_hz is None:
         return lines[:0]
-    rotations_hz = rotation_hz * speeds[:, None]
+    rotations_hz = rotation_hz * _speeds(WANDERS)[:, None]
     orders = lines * BIN_HZ / rotations_hz
     near = np.abs(orders - np.rint(orders)) * rotations_hz <= BIN_HZ
     on_orders = lines[near[near.sum(axis=1).argmax()]]
     anywhere = min(2.0 * BIN_HZ / rotation_hz, 1.0)
     by_chance = bdtrc(on_orders.size - 1, lines.size, anywhere)  # as many, or more
     return on_orders if by_chance <= BY_CHANCE else lines[:0]
+
+
+def _speeds(share: float) -> NDArray[np.float64]:
+    """Parts of a speed, up to so far to either side."""
+    steps = round(share / STEP)
+    return np.linspace(1.0 - share, 1.0 + share, 2 * steps + 1)
 
 
 def _is_peak(spectrum: Power, bins: Indices) -> NDArray[np.bool_]:
