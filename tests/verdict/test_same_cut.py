@@ -63,7 +63,9 @@ def test_a_lighter_cut_is_the_same_and_is_not_held_against_less(before):
     assert gains(before, 0.3 * (teeth() + 0.3 * noise(3))) == [1.0] * len(spectra(noise(3)))
 
 
-@pytest.mark.parametrize(("off", "same"), [(1.0, True), (1.006, True), (0.98, False), (1.05, False), (1.3, False)])
+@pytest.mark.parametrize(
+    ("off", "same"), [(1.0, True), (1.002, True), (1.006, True), (0.98, False), (1.05, False), (1.3, False)]
+)
 def test_another_speed_is_another_cut(before, off, same):
     """One that wanders is not."""
     told = gains(before, teeth(off * PASSING_HZ) + 0.3 * noise(4))
@@ -73,15 +75,10 @@ def test_another_speed_is_another_cut(before, off, same):
 @pytest.mark.parametrize("off", [0.994, 0.998, 1.003, 1.006])
 def test_how_much_louder_a_cut_is_is_heard_where_its_lines_are_now(before, off):
     """A spindle that wanders takes them along; beside them there is less, however loud they are."""
-    signal = 6.0 * (teeth(off * PASSING_HZ) + 0.3 * noise(4))
-    assert gains(before, signal) == pytest.approx([36.0] * len(spectra(signal)), rel=0.4)
-    assert (
-        max(
-            before.new(spectrum, gain).share
-            for spectrum, gain in zip(spectra(signal), gains(before, signal), strict=True)
-        )
-        < 0.01
-    )
+    for spectrum in spectra(6.0 * (teeth(off * PASSING_HZ) + 0.3 * noise(4))):
+        gain = before.gain(spectrum)
+        assert gain == pytest.approx(36.0, rel=0.4)
+        assert before.new(spectrum, gain).share < 0.01
 
 
 @pytest.mark.parametrize(
